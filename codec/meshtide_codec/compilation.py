@@ -1,0 +1,57 @@
+"""How kernels are compiled: one decorator for all of them, and a way to tell a waiting person about it.
+
+Kernels are compiled by numba on first use and cached on disk, so only the first run after an installation
+pays for it. numba reports each compilation as an event; `announced_compilation` passes that on.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numba
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+Function = TypeVar("Function", bound="Callable[..., Any]")
+
+
+def kernel(function: Function) -> Function:
+    """Compile `function` with the options that all kernels share.
+
+    No fastmath (its results differ between machines), no bounds checks (kernels check untrusted input
+    themselves), C-like division, cached on disk.
+    """
+    compiled: Function = numba.njit(cache=True, error_model="numpy", fastmath=False)(function)
+    return compiled
+
+
+def inlined_kernel(function: Function) -> Function:
+    """Like `kernel`, for the few lines in innermost loops that are worth copying into each caller."""
+    compiled: Function = numba.njit(cache=True, error_model="numpy", fastmath=False, inline="always")(function)
+    return compiled
+
+
+@contextmanager
+def announced_compilation(announce: Callable[[], None]) -> Iterator[None]:
+    """Call `announce` once when a kernel has to be compiled inside the block (not when it is loaded from the cache).
+
+    >>> with announced_compilation(lambda: print("compiling")):
+    ...     pass
+    """
+    from numba.core import event  # noqa: PLC0415 - heavy, and only needed where somebody waits
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        announced = False
+
+        def on_start(self, event: Any) -> None:  # noqa: ANN401, ARG002 - numba's signature
+            if not self.announced:
+                self.announced = True
+                announce()
+
+        def on_end(self, event: Any) -> None:  # noqa: ANN401 - numba's signature
+            """Only the start is of interest."""
+
+    with event.install_listener("numba:compile", Listener()):
+        yield

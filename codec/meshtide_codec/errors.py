@@ -1,0 +1,128 @@
+"""Every error that meshtide raises on purpose, in one tree.
+
+::
+
+    MeshtideError
+    ├── MeshError                  the input mesh is not usable (NaN, index out of range, empty)
+    │   └── MeshFileError          a file cannot be read or written as a mesh
+    ├── OptionError                an option is outside of its range (also a ValueError)
+    ├── StreamError                bytes that are damaged, cut off, or not a meshtide stream
+    │   ├── ContainerError         magic, version, header, packet table
+    │   │   └── VersionError       the stream is newer than this program
+    │   ├── TruncatedError         the stream ends early; what came before is usable
+    │   ├── PacketError            checksum, framing or place of one packet
+    │   │   ├── BaseError          contents of the coarsest mesh's packet
+    │   │   ├── MapConnError       contents of a Map&Conn packet
+    │   │   ├── ParamError         contents of a Param packet
+    │   │   └── DiffError          contents of a Diff packet
+    │   └── LimitError             the stream asks for more than the declared limits allow
+    ├── ProtocolError              a wire message that is malformed or out of place
+    │   └── PeerError              the other side refused: it sent an error message
+    └── TransferError              the network failed; what has arrived was kept
+"""
+
+from __future__ import annotations
+
+
+class MeshtideError(Exception):
+    """Root of all errors that meshtide raises on purpose."""
+
+
+class MeshError(MeshtideError):
+    """The input mesh is not usable."""
+
+
+class MeshFileError(MeshError):
+    """A file cannot be read or written as a mesh."""
+
+
+class OptionError(MeshtideError, ValueError):
+    """An option is outside of its range."""
+
+
+class StreamError(MeshtideError):
+    """Bytes that are damaged, cut off, or not a meshtide stream.
+
+    Args:
+        message: what was wrong and what to do about it.
+        level: the level that the bytes belong to, where it is known.
+        packet: the name of the packet kind, where it is known.
+        offset: byte offset inside the packet (or the container), where it is known.
+
+    >>> str(StreamError("bad checksum", level=3, packet="Diff", offset=12))
+    'level 3, Diff packet, byte 12: bad checksum'
+    """
+
+    def __init__(
+        self, message: str, *, level: int | None = None, packet: str | None = None, offset: int | None = None
+    ) -> None:
+        self.level = level
+        self.packet = packet
+        self.offset = offset
+        self.message = message
+        places = []
+        if level is not None:
+            places.append(f"level {level}")
+        if packet is not None:
+            places.append(f"{packet} packet")
+        if offset is not None:
+            places.append(f"byte {offset}")
+        super().__init__(f"{', '.join(places)}: {message}" if places else message)
+
+
+class ContainerError(StreamError):
+    """The container's magic, version, header or packet table is wrong."""
+
+
+class VersionError(ContainerError):
+    """The stream is of a format version that this program does not know."""
+
+
+class TruncatedError(StreamError):
+    """The stream ends early; what came before stays usable."""
+
+
+class PacketError(StreamError):
+    """One packet is damaged, out of place or of an unknown kind."""
+
+
+class BaseError(PacketError):
+    """The contents of the coarsest mesh's packet are wrong."""
+
+
+class MapConnError(PacketError):
+    """The contents of a Map&Conn packet are wrong."""
+
+
+class ParamError(PacketError):
+    """The contents of a Param packet are wrong."""
+
+
+class DiffError(PacketError):
+    """The contents of a Diff packet are wrong."""
+
+
+class LimitError(StreamError):
+    """The stream asks for more vertices, faces or bytes than the declared limits allow."""
+
+
+class ProtocolError(MeshtideError):
+    """A wire message that is malformed or out of place."""
+
+
+class PeerError(ProtocolError):
+    """The other side refused and said why.
+
+    Args:
+        code: short machine-readable reason, such as ``unknown-mesh``.
+        message: the other side's own words.
+    """
+
+    def __init__(self, code: str, message: str) -> None:
+        self.code = code
+        self.message = message
+        super().__init__(f"{message} ({code})")
+
+
+class TransferError(MeshtideError):
+    """The network failed; what has arrived was kept."""
