@@ -1,1 +1,1 @@
-"""To be written."""
+"""The stream: packets, header, container file, wire messages, and the streaming session (Sans-I/O)."""

@@ -1,0 +1,372 @@
+"""The streaming session, both ends of it, without sockets or clocks (Sans-I/O).
+
+`ServerSession` is fed the client's frames and yields the server's, one at a time, never more bytes than the client
+has granted. `ClientSession` is fed the server's frames, checks and joins them, and yields packets and the frames
+that grant more credit. A client that reconnects says what it holds; no packet that it holds is sent again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from meshtide_codec.errors import OptionError, PeerError, ProtocolError
+from meshtide_codec.limits import Limits
+from meshtide_codec.stream.container import PREAMBLE_BYTES, check_packet, fingerprint
+from meshtide_codec.stream.header import StreamHeader
+from meshtide_codec.stream.messages import (
+    LARGEST_PART,
+    LONGEST_TEXT,
+    PROTOCOL_VERSION,
+    Credit,
+    Done,
+    Error,
+    HeaderPart,
+    Hello,
+    Message,
+    PacketPart,
+    decode_message,
+    encode_message,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from meshtide_codec.stream.packets import Packet
+
+DEFAULT_WINDOW = 1 << 20
+"""Bytes in flight that a client allows: at 50 ms round trip that is up to 20 MB/s."""
+
+
+class StreamSource(Protocol):
+    """A stream that a server session can send from."""
+
+    @property
+    def header(self) -> StreamHeader:
+        """The stream's header."""
+
+    @property
+    def header_bytes(self) -> bytes:
+        """The header as it is sent."""
+
+    def packet_part(self, index: int, start: int, end: int) -> bytes | memoryview:
+        """Bytes `start` to `end` of packet `index`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Until:
+    """How much of a stream is wanted; the first bound that is met ends it.
+
+    Args:
+        level: no more than this level needs (0 is the finest); the coarsest level if the stream has fewer.
+        error: stop at the first state whose RMS distance is at most this fraction of the diagonal.
+        size: the file so far (preamble, header and packets) stays within so many bytes.
+    """
+
+    level: int | None = None
+    error: float | None = None
+    size: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("level", "error", "size"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0:
+                raise OptionError(f"the bound on the {name} must not be negative: {value}")
+
+    def packet_count(self, header: StreamHeader, header_length: int) -> int:
+        """How many packets, from the first, `header`'s stream needs to meet the bounds."""
+        count = len(header.packets)
+        if self.level is not None:
+            coarser = [row.packet_count for row in header.levels if row.level >= self.level]
+            count = min(count, max(coarser, default=header.levels[0].packet_count))
+        if self.error is not None:
+            count = min([count, *(row.packet_count for row in header.levels if row.rms <= self.error)])
+        if self.size is not None:
+            left = self.size - PREAMBLE_BYTES - header_length
+            fitting = int((header.packet_offsets[1:] <= left).sum())
+            count = min(count, fitting)
+        return count
+
+
+class ServerSession:
+    """The server's end of one stream.
+
+    Args:
+        mesh: id of the mesh that the connection is for.
+        source: its stream.
+
+    Feed each frame of the client to `receive`; send what `next_frame` returns until it returns None, which means
+    that nothing may be sent before the client grants more credit, or that all is sent (`finished`).
+    """
+
+    def __init__(self, mesh: str, source: StreamSource) -> None:
+        self._mesh = mesh
+        self._source = source
+        self._credit = 0
+        self._frames: Iterator[tuple[int, Message]] | None = None
+        self._waiting: tuple[int, Message] | None = None
+        self.finished = False
+        self.sent_bytes = 0
+        """Bytes of parts handed out so far."""
+
+    @property
+    def greeted(self) -> bool:
+        """Whether the client's hello has arrived."""
+        return self._frames is not None
+
+    def receive(self, frame: bytes | str) -> None:
+        """Take one frame of the client.
+
+        Raises:
+            ProtocolError: it is malformed, or comes out of turn.
+            PeerError: the client gave up.
+        """
+        message = decode_message(frame)
+        if isinstance(message, Error):
+            raise PeerError(message.code, message.message)
+        if isinstance(message, Hello) and self._frames is None:
+            self._greet(message)
+        elif isinstance(message, Credit) and self._frames is not None:
+            self._credit += message.size
+        else:
+            raise ProtocolError(f"{type(message).__name__} is not expected here")
+
+    def next_frame(self) -> bytes | None:
+        """The next frame to send, or None while there is nothing to send."""
+        if self._frames is None or self.finished:
+            return None
+        if self._waiting is None:
+            self._waiting = next(self._frames, None)
+        if self._waiting is None:
+            self.finished = True
+            return None
+        size, message = self._waiting
+        if size > self._credit:
+            return None
+        self._credit -= size
+        self.sent_bytes += size
+        self._waiting = None
+        self.finished = isinstance(message, Done)
+        return encode_message(message)
+
+    def _greet(self, hello: Hello) -> None:
+        if hello.protocol != PROTOCOL_VERSION:
+            raise ProtocolError(
+                f"the client speaks protocol version {hello.protocol}, this server version {PROTOCOL_VERSION}"
+            )
+        if hello.mesh != self._mesh:
+            raise ProtocolError(f"hello asks for mesh {hello.mesh!r} on the connection of {self._mesh!r}")
+        self._credit = hello.credit
+        self._frames = self._plan(hello)
+
+    def _plan(self, hello: Hello) -> Iterator[tuple[int, Message]]:
+        """All messages of the stream, each with the credit that it costs."""
+        header, header_bytes = self._source.header, self._source.header_bytes
+        mark = fingerprint(header_bytes)
+        resumed = hello.fingerprint == mark
+        if resumed:
+            yield 0, HeaderPart(mark, len(header_bytes), 0, b"")
+        else:
+            for start, end in _parts(len(header_bytes)):
+                yield end - start, HeaderPart(mark, len(header_bytes), start, header_bytes[start:end])
+        until = Until(hello.until_level, hello.until_error, hello.until_bytes)
+        wanted = until.packet_count(header, len(header_bytes))
+        packets = size = 0
+        for index in _missing(hello.held if resumed else (), wanted):
+            length = header.packets[index].length
+            for start, end in _parts(length):
+                yield end - start, PacketPart(index, start, bytes(self._source.packet_part(index, start, end)))
+            packets += 1
+            size += length
+        yield 0, Done(packets, size, more=wanted < len(header.packets))
+
+
+@dataclass(frozen=True, slots=True)
+class HeaderEvent:
+    """The stream's header is known; `resumed` tells whether the packets held before still belong to it."""
+
+    header: StreamHeader
+    header_bytes: bytes
+    resumed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PacketEvent:
+    """Packet `index` is there and verified; `data` are its bytes as they stand in a file."""
+
+    index: int
+    packet: Packet
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class DoneEvent:
+    """The server has sent all that was asked for; `more` tells whether the stream goes on after that."""
+
+    packets: int
+    size: int
+    more: bool
+
+
+Event = HeaderEvent | PacketEvent | DoneEvent
+
+
+class ClientSession:
+    """The client's end of one stream.
+
+    Args:
+        mesh: id of the mesh.
+        until: how much of it is wanted.
+        held_header: header bytes of a stream that was begun earlier, or empty.
+        held: indices of its packets that are there already.
+        window: bytes in flight that the server is allowed.
+        limits: what the header may claim.
+    """
+
+    def __init__(
+        self,
+        mesh: str,
+        *,
+        until: Until | None = None,
+        held_header: bytes = b"",
+        held: Iterable[int] = (),
+        window: int = DEFAULT_WINDOW,
+        limits: Limits | None = None,
+    ) -> None:
+        if window < LARGEST_PART:
+            raise OptionError(f"the window must hold at least one part of {LARGEST_PART} bytes, not {window}")
+        self._mesh = mesh
+        self._until = until or Until()
+        self._limits = limits or Limits()
+        self._window = window
+        self._ungranted = 0
+        self._held_header = held_header
+        self._held = set(held) if held_header else set()
+        self._pending = bytearray()
+        self._pending_index: int | None = None
+        self._mark = b""
+        self.header: StreamHeader | None = None
+        self.finished = False
+        self.received_bytes = 0
+        """Bytes of parts received so far."""
+
+    def hello(self) -> bytes:
+        """The frame that opens the stream."""
+        return encode_message(
+            Hello(
+                protocol=PROTOCOL_VERSION,
+                mesh=self._mesh,
+                fingerprint=fingerprint(self._held_header) if self._held_header else b"",
+                held=_ranges(self._held),
+                until_level=self._until.level,
+                until_error=self._until.error,
+                until_bytes=self._until.size,
+                credit=self._window,
+            )
+        )
+
+    def credit_frame(self) -> bytes | None:
+        """A frame that grants the server what has been received since the last grant, once that is worth a frame."""
+        if self.finished or self._ungranted < self._window // 2:
+            return None
+        granted, self._ungranted = self._ungranted, 0
+        return encode_message(Credit(granted))
+
+    def receive(self, frame: bytes | str) -> list[Event]:
+        """Take one frame of the server.
+
+        Raises:
+            ProtocolError: it is malformed or out of turn.
+            PeerError: the server refused.
+            StreamError: header or packet are damaged or over the limits.
+        """
+        if self.finished:
+            raise ProtocolError("a message arrived after the end of the stream")
+        message = decode_message(frame)
+        if isinstance(message, HeaderPart) and self.header is None:
+            return self._take_header(message)
+        if isinstance(message, PacketPart) and self.header is not None:
+            return self._take_packet(self.header, message)
+        if isinstance(message, Done) and self.header is not None and not self._pending:
+            self.finished = True
+            return [DoneEvent(message.packets, message.size, message.more)]
+        if isinstance(message, Error):
+            raise PeerError(message.code, message.message)
+        raise ProtocolError(f"{type(message).__name__} is not expected here")
+
+    def _take_header(self, part: HeaderPart) -> list[Event]:
+        if self._held_header and not part.data:
+            if part.fingerprint != fingerprint(self._held_header):
+                raise ProtocolError("the server skipped a header that this client does not hold")
+            self.header = StreamHeader.from_bytes(self._held_header, self._limits)
+            return [HeaderEvent(self.header, self._held_header, resumed=True)]
+        self._count(part.data)
+        if part.offset != len(self._pending) or (self._mark and part.fingerprint != self._mark):
+            raise ProtocolError("the parts of the header do not follow each other")
+        if part.total > self._limits.header_bytes or part.offset + len(part.data) > part.total or not part.data:
+            raise ProtocolError(f"a header of {part.total} bytes is announced; part at {part.offset} does not fit")
+        self._mark = part.fingerprint
+        self._pending += part.data
+        if len(self._pending) < part.total:
+            return []
+        header_bytes = bytes(self._pending)
+        self._pending.clear()
+        if fingerprint(header_bytes) != part.fingerprint:
+            raise ProtocolError("the header does not match its fingerprint")
+        self.header = StreamHeader.from_bytes(header_bytes, self._limits)
+        self._held.clear()
+        return [HeaderEvent(self.header, header_bytes, resumed=False)]
+
+    def _take_packet(self, header: StreamHeader, part: PacketPart) -> list[Event]:
+        self._count(part.data)
+        if part.index >= len(header.packets) or part.index in self._held:
+            raise ProtocolError(f"packet {part.index} was not asked for")
+        if self._pending_index not in (None, part.index) or part.offset != len(self._pending):
+            raise ProtocolError(f"the parts of packet {part.index} do not follow each other")
+        length = header.packets[part.index].length
+        if not part.data or part.offset + len(part.data) > length:
+            raise ProtocolError(f"a part of packet {part.index} does not fit its {length} bytes")
+        self._pending_index = part.index
+        self._pending += part.data
+        if len(self._pending) < length:
+            return []
+        data = bytes(self._pending)
+        self._pending.clear()
+        self._pending_index = None
+        packet = check_packet(header, part.index, data)
+        self._held.add(part.index)
+        return [PacketEvent(part.index, packet, data)]
+
+    def _count(self, data: bytes) -> None:
+        self.received_bytes += len(data)
+        self._ungranted += len(data)
+
+
+def error_frame(code: str, message: str) -> bytes:
+    """The frame with which either side gives up."""
+    return encode_message(Error(code, message[:LONGEST_TEXT]))
+
+
+def _parts(length: int) -> Iterator[tuple[int, int]]:
+    for start in range(0, length, LARGEST_PART):
+        yield start, min(start + LARGEST_PART, length)
+
+
+def _missing(held: Iterable[tuple[int, int]], wanted: int) -> Iterator[int]:
+    """Indices below `wanted` outside the ascending ranges `held`."""
+    position = 0
+    for first, end in held:
+        yield from range(position, min(first, wanted))
+        position = end
+    yield from range(position, wanted)
+
+
+def _ranges(indices: Iterable[int]) -> tuple[tuple[int, int], ...]:
+    """Ascending [first, end) ranges of a set of indices."""
+    ranges: list[tuple[int, int]] = []
+    for index in sorted(indices):
+        if ranges and ranges[-1][1] == index:
+            ranges[-1] = (ranges[-1][0], index + 1)
+        else:
+            ranges.append((index, index + 1))
+    return tuple(ranges)
