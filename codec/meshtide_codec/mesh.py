@@ -71,6 +71,18 @@ class Mesh:
         """Length of the bounding box's diagonal."""
         return float(np.linalg.norm(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
 
+    def referenced(self) -> Mesh:
+        """The mesh without the vertices that no face uses; itself when all are used, or when it has no faces at all.
+
+        >>> Mesh.checked([[0, 0, 0], [9, 9, 9], [1, 0, 0], [0, 1, 0]], [[0, 2, 3]]).referenced().faces.tolist()
+        [[0, 1, 2]]
+        """
+        used = np.zeros(len(self.vertices), bool)
+        used[self.faces] = True
+        if used.all() or not used.any():
+            return self
+        return Mesh(self.vertices[used], (np.cumsum(used) - 1)[self.faces])
+
     def __repr__(self) -> str:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
 

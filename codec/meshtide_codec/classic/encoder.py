@@ -1,0 +1,121 @@
+"""The classic encoder: the basic and the variable length algorithm (paper, sections 3.1 and 3.2).
+
+From the coarsest level on, each finer one is predicted from what the decoder has: extension (eq. 11), then a filter
+whose coefficients are fitted to this level (eqs. 12, 13). Where the level's Diff is sent, the true geometry is what
+the next level extends; where it is not, the prediction is. Cost: O(n) per level plus the fit.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshtide_codec.classic.hierarchy import HierarchyLevel, build_hierarchy, cell_centres, containing_cells
+from meshtide_codec.classic.level_coding import encode_base, encode_diff, encode_map_conn, encode_param
+from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
+from meshtide_codec.filters import coefficient_count, predict
+from meshtide_codec.fit import fit
+from meshtide_codec.graph import build_adjacency
+from meshtide_codec.stream.packets import Packet, PacketKind
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from meshtide_codec.quantize import QuantizedMesh
+
+
+class ClassicEncoding:
+    """A mesh encoded in the classic profile.
+
+    Args:
+        quantized: the mesh.
+        options: how to encode it.
+        progress: is told a stage and the fraction done.
+
+    Attributes:
+        header: what the decoder has to know.
+        levels: the hierarchy, level 0 first.
+        packets: in transmission order.
+        geometry: per level, (n, 3) float64 in finest steps: what a decoder shows.
+        differences: per level that sends a Diff, (n, 3) int64 in steps of that level.
+        packet_counts: per level, how many packets a decoder needs to show it as encoded.
+    """
+
+    def __init__(
+        self,
+        quantized: QuantizedMesh,
+        options: ClassicOptions,
+        progress: Callable[[str, float], None] | None = None,
+    ) -> None:
+        self._report = progress or (lambda _stage, _fraction: None)
+        self._report("hierarchy", 0.0)
+        self._bits = quantized.bits
+        self.levels: list[HierarchyLevel] = build_hierarchy(
+            quantized.positions,
+            quantized.faces,
+            quantized.bits,
+            drop_bits=options.drop_bits,
+            minimum_ratio=options.minimum_ratio,
+            coarsest_vertices=options.coarsest_vertices,
+        )
+        self.header = ClassicHeader(
+            shifts=tuple(level.shift for level in self.levels),
+            filter=options.filter,
+            levels_with_diff=options.levels_with_diff(len(self.levels)),
+        )
+        self.packets: list[Packet] = []
+        self.geometry: dict[int, NDArray[np.float64]] = {}
+        self.differences: dict[int, NDArray[np.int64]] = {}
+        self.packet_counts: dict[int, int] = {}
+        self._encode_coarsest()
+        for number in range(len(self.levels) - 2, -1, -1):
+            self._encode_level(number)
+        self._report("levels", 1.0)
+
+    def _encode_coarsest(self) -> None:
+        number = len(self.levels) - 1
+        coarsest = self.levels[number]
+        self._send(PacketKind.BASE, number, encode_base(coarsest.cells, coarsest.faces, self._bits - coarsest.shift))
+        self._finish_level(number, cell_centres(coarsest.cells, coarsest.shift))
+
+    def _encode_level(self, number: int) -> None:
+        level, coarser = self.levels[number], self.levels[number + 1]
+        assert level.parents is not None  # noqa: S101 - only the coarsest level has no map
+        map_conn = encode_map_conn(level.parents, level.faces, coarser.faces, len(coarser.cells))
+        self._send(PacketKind.MAP_CONN, number, map_conn)
+        true = cell_centres(level.cells, level.shift)
+        adjacency = build_adjacency(level.faces, len(level.cells))
+        extension = self.geometry[number + 1][level.parents]
+        coefficients = np.zeros((3, 0), np.float32)
+        if coefficient_count(self.header.filter):
+            coefficients = fit(adjacency, extension, true, self.header.filter)
+            self._send(PacketKind.PARAM, number, encode_param(coefficients))
+        prediction = predict(adjacency, extension, self.header.filter, coefficients)
+        if number in self.header.levels_with_diff:
+            differences = level.cells - containing_cells(prediction, level.shift, self._bits)
+            self.differences[number] = differences
+            self._send(PacketKind.DIFF, number, encode_diff(differences))
+            self._finish_level(number, true)
+        else:
+            self._finish_level(number, prediction)
+        self._report("levels", len(level.cells) / len(self.levels[0].cells))
+
+    def _send(self, kind: PacketKind, level: int, payload: bytes) -> None:
+        self.packets.append(Packet(kind, level, 0, payload))
+
+    def _finish_level(self, number: int, geometry: NDArray[np.float64]) -> None:
+        self.geometry[number] = geometry
+        self.packet_counts[number] = len(self.packets)
+
+    def distances(self, number: int) -> NDArray[np.float64]:
+        """(n,) per finest vertex: how far it is, in finest steps, from the vertex of level `number` it collapses to."""
+        ancestors = np.arange(len(self.levels[0].cells))
+        for level in self.levels[:number]:
+            assert level.parents is not None  # noqa: S101 - only the coarsest level has no map
+            ancestors = level.parents[ancestors]
+        offsets = self.geometry[number][ancestors] - self.levels[0].cells
+        distances: NDArray[np.float64] = np.sqrt((offsets * offsets).sum(axis=1))
+        return distances

@@ -1,0 +1,114 @@
+"""From packets to meshes, level by level (Sans-I/O): the decoder that fits a stream's profile.
+
+::
+
+    decoder = Decoder(header)
+    for packet in packets:                      # in any order; Diffs may be missing
+        for update in decoder.push(packet):     # what became available or better by it
+            show(decoder.mesh(update.level))
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshtide_codec.classic import options as classic_options
+from meshtide_codec.classic.decoder import ClassicDecoder
+from meshtide_codec.errors import ContainerError
+from meshtide_codec.limits import Limits
+from meshtide_codec.mesh import Mesh
+from meshtide_codec.quantize import dequantize
+from meshtide_codec.stream.container import read_container
+
+if TYPE_CHECKING:
+    from meshtide_codec.stream.header import StreamHeader
+    from meshtide_codec.stream.packets import Packet
+
+
+@dataclass(frozen=True, slots=True)
+class LevelUpdate:
+    """A level that became available or better; `exact` when every Diff that it builds on is there."""
+
+    level: int
+    exact: bool
+
+
+class Decoder:
+    """Rebuilds the levels of one stream from its packets.
+
+    Args:
+        header: the stream's header.
+        limits: what the header may claim.
+
+    Raises:
+        ContainerError: a profile that this program does not know, or options that make no sense.
+        LimitError: a level over the limits.
+    """
+
+    def __init__(self, header: StreamHeader, limits: Limits | None = None) -> None:
+        limits = limits or Limits()
+        for row in header.levels:
+            limits.check_mesh(row.vertices, row.faces, level=row.level)
+        if header.profile != classic_options.PROFILE:
+            raise ContainerError(f"unknown profile {header.profile!r}; a newer meshtide may read it")
+        self.header = header
+        self._decoder = ClassicDecoder(header)
+
+    def push(self, packet: Packet) -> list[LevelUpdate]:
+        """Take one packet; returns the levels that became available or better by it, coarse to fine.
+
+        Raises:
+            PacketError: the packet does not belong to this stream, came before, or is damaged; what was decoded
+                before stays usable.
+        """
+        return [LevelUpdate(level, self._decoder.is_exact(level)) for level in self._decoder.push(packet)]
+
+    @property
+    def finest(self) -> int | None:
+        """Number of the finest level that can be shown now, or None."""
+        return self._decoder.finest
+
+    def is_available(self, level: int) -> bool:
+        """Whether the level can be shown now."""
+        finest = self._decoder.finest
+        return finest is not None and finest <= level <= self.header.levels[0].level
+
+    def is_exact(self, level: int) -> bool:
+        """Whether the level is there, and as the encoder made it."""
+        return self._decoder.is_exact(level)
+
+    def mesh(self, level: int) -> Mesh:
+        """The mesh of a level as far as it is known now, in the unit of the input.
+
+        Raises:
+            KeyError: the level is not available.
+        """
+        if not self.is_available(level):
+            raise KeyError(f"level {level} is not available yet")
+        geometry = self._decoder.geometry(level)
+        vertices = dequantize(geometry, self.header.bits, np.asarray(self.header.origin), self.header.extent)
+        return Mesh(vertices, self._decoder.faces(level).astype(np.int64))
+
+
+def decode(data: bytes | memoryview, level: int = 0, limits: Limits | None = None) -> Mesh:
+    """The mesh of one level of a whole `.tide` file.
+
+    Raises:
+        StreamError: the file is damaged, cut off, or over the limits.
+        KeyError: the stream has no such level.
+
+    >>> from meshtide_codec.encoder import encode
+    >>> triangle = Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> decode(encode(triangle).to_bytes())
+    Mesh(3 vertices, 1 faces)
+    """
+    header, packets = read_container(data, limits)
+    decoder = Decoder(header, limits)
+    if not 0 <= level <= header.levels[0].level:
+        raise KeyError(f"the stream has levels 0..{header.levels[0].level}, not {level}")
+    for packet in packets[: header.entry(level).packet_count]:
+        decoder.push(packet)
+    return decoder.mesh(level)
