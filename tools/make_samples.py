@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 from meshtide_codec.files import load_mesh
 
 SAMPLES = Path(__file__).parent.parent / "codec" / "meshtide_codec" / "samples"
@@ -23,7 +24,7 @@ def main(paths: list[str]) -> None:
         mesh = load_mesh(path)
         target = SAMPLES / f"{path.stem}.npz"
         np.savez_compressed(target, vertices=mesh.vertices.T.astype(np.float32), faces=mesh.faces.T.astype(np.int32))
-        print(f"{target.name}: {mesh}, {target.stat().st_size} bytes")  # noqa: T201 - a tool speaks to a person
+        print(f"{target.name}: {mesh}, {target.stat().st_size} bytes")
 
 
 if __name__ == "__main__":

@@ -1,1 +1,90 @@
-"""To be written."""
+"""meshtide's codec: meshes to progressive streams and back; numpy in, bytes out.
+
+The names below load what they need on first use, so importing the package costs nothing.
+
+>>> import meshtide_codec
+>>> mesh = meshtide_codec.load_sample("spot")
+>>> encoded = meshtide_codec.encode(mesh)
+>>> meshtide_codec.decode(encoded.to_bytes(), level=1)
+Mesh(1613 vertices, 3222 faces)
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from meshtide_codec.classic.options import ClassicOptions
+    from meshtide_codec.decoder import Decoder, LevelUpdate, decode
+    from meshtide_codec.encoder import EncodedMesh, encode
+    from meshtide_codec.errors import MeshtideError
+    from meshtide_codec.files import load_mesh, save_mesh
+    from meshtide_codec.filters import FilterSpec
+    from meshtide_codec.limits import Limits
+    from meshtide_codec.mesh import Mesh
+    from meshtide_codec.quantize import QuantizedMesh, quantize
+    from meshtide_codec.samples import load_sample, sample_names
+    from meshtide_codec.stream.container import ContainerReader, read_available, read_container
+    from meshtide_codec.stream.header import StreamHeader
+    from meshtide_codec.stream.packets import Packet, PacketKind
+
+_HOMES = {
+    "ClassicOptions": "classic.options",
+    "ContainerReader": "stream.container",
+    "Decoder": "decoder",
+    "EncodedMesh": "encoder",
+    "FilterSpec": "filters",
+    "LevelUpdate": "decoder",
+    "Limits": "limits",
+    "Mesh": "mesh",
+    "MeshtideError": "errors",
+    "Packet": "stream.packets",
+    "PacketKind": "stream.packets",
+    "QuantizedMesh": "quantize",
+    "StreamHeader": "stream.header",
+    "decode": "decoder",
+    "encode": "encoder",
+    "load_mesh": "files",
+    "load_sample": "samples",
+    "quantize": "quantize",
+    "read_available": "stream.container",
+    "read_container": "stream.container",
+    "sample_names": "samples",
+    "save_mesh": "files",
+}
+
+__all__ = [
+    "ClassicOptions",
+    "ContainerReader",
+    "Decoder",
+    "EncodedMesh",
+    "FilterSpec",
+    "LevelUpdate",
+    "Limits",
+    "Mesh",
+    "MeshtideError",
+    "Packet",
+    "PacketKind",
+    "QuantizedMesh",
+    "StreamHeader",
+    "decode",
+    "encode",
+    "load_mesh",
+    "load_sample",
+    "quantize",
+    "read_available",
+    "read_container",
+    "sample_names",
+    "save_mesh",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -7,12 +7,15 @@ pays for it. numba reports each compilation as an event; `announced_compilation`
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 import numba
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+Integer: TypeAlias = Any
+"""An integer inside a kernel: numba infers its width, which neither int nor a numpy type would tell."""
 
 Function = TypeVar("Function", bound="Callable[..., Any]")
 
@@ -23,14 +26,13 @@ def kernel(function: Function) -> Function:
     No fastmath (its results differ between machines), no bounds checks (kernels check untrusted input
     themselves), C-like division, cached on disk.
     """
-    compiled: Function = numba.njit(cache=True, error_model="numpy", fastmath=False)(function)
-    return compiled
+    return cast("Function", numba.njit(cache=True, error_model="numpy", fastmath=False)(function))
 
 
 def inlined_kernel(function: Function) -> Function:
     """Like `kernel`, for the few lines in innermost loops that are worth copying into each caller."""
-    compiled: Function = numba.njit(cache=True, error_model="numpy", fastmath=False, inline="always")(function)
-    return compiled
+    options: Any = {"cache": True, "error_model": "numpy", "fastmath": False, "inline": "always"}
+    return cast("Function", numba.njit(**options)(function))
 
 
 @contextmanager
@@ -42,7 +44,7 @@ def announced_compilation(announce: Callable[[], None]) -> Iterator[None]:
     """
     from numba.core import event  # noqa: PLC0415 - heavy, and only needed where somebody waits
 
-    class Listener(event.Listener):  # type: ignore[misc]
+    class Listener(event.Listener):
         announced = False
 
         def on_start(self, event: Any) -> None:  # noqa: ANN401, ARG002 - numba's signature

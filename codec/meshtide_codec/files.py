@@ -19,7 +19,8 @@ from meshtide_codec.mesh import Mesh
 MESH_SUFFIXES = frozenset({".ply", ".obj", ".off", ".stl", ".glb", ".gltf"})
 """What is taken for a mesh file without being told; trimesh reads and writes more."""
 
-_TEXT_FORMATS = {"obj": {"digits": 17}, "off": {"digits": 17}}  # enough digits to restore each float64
+TEXT_FORMATS = frozenset({"obj", "off"})
+TEXT_DIGITS = 17  # enough to restore each float64
 
 
 def is_mesh_path(path: Path | str) -> bool:
@@ -79,10 +80,11 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     path = Path(path)
     suffix = path.suffix.lower().lstrip(".")
     plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
+    digits: Any = {"digits": TEXT_DIGITS} if suffix in TEXT_FORMATS else {}
     try:
-        data = plain.export(file_type=suffix, **_TEXT_FORMATS.get(suffix, {}))
+        data = plain.export(file_type=suffix, **digits)
     except (KeyError, ValueError, ImportError) as error:
-        raise MeshFileError(f"cannot write {path}: format {suffix!r} is unknown or lacks a library ({error})") from error
+        raise MeshFileError(f"cannot write {path}: {suffix!r} is unknown or lacks a library ({error})") from error
     if not isinstance(data, bytes | str):
         raise MeshFileError(f"cannot write {path}: format {suffix!r} takes more than one file; try ply, obj or glb")
     write_atomically(path, data.encode() if isinstance(data, str) else data)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from meshtide_codec.errors import MeshError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+Index = TypeVar("Index", bound=np.signedinteger)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,7 @@ class Mesh:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
 
 
-def canonical_faces(faces: NDArray[np.integer]) -> NDArray[np.integer]:
+def canonical_faces(faces: NDArray[Index]) -> NDArray[Index]:
     """The set of oriented triangles in `faces` (m, 3), in one order: degenerate and repeated ones left out.
 
     Each triangle is rotated, its orientation kept, until its smallest index stands first; rows are sorted.
@@ -99,7 +101,7 @@ def canonical_faces(faces: NDArray[np.integer]) -> NDArray[np.integer]:
     a, b, c = faces[:, 0], faces[:, 1], faces[:, 2]
     rotated = faces[(a != b) & (b != c) & (c != a)]
     if len(rotated) == 0:
-        return rotated
+        return rotated.copy()
     first = np.argmin(rotated, axis=1)[:, None]
     rotated = np.take_along_axis(rotated, (first + np.arange(3)) % 3, axis=1)
     count = int(rotated.max()) + 1
@@ -107,8 +109,11 @@ def canonical_faces(faces: NDArray[np.integer]) -> NDArray[np.integer]:
         keys = (rotated[:, 0].astype(np.int64) * count + rotated[:, 1]) * count + rotated[:, 2]
         keys = np.unique(keys)
         pairs, third = np.divmod(keys, count)
-        return np.stack([*np.divmod(pairs, count), third], axis=1).astype(faces.dtype)
-    return np.unique(rotated, axis=0)
+        unique = np.stack([*np.divmod(pairs, count), third], axis=1)
+    else:
+        unique = np.unique(rotated, axis=0)
+    canonical: NDArray[Index] = unique.astype(faces.dtype)
+    return canonical
 
 
 def _check_shape(name: str, array: NDArray[np.generic]) -> None:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from meshtide_codec.compilation import kernel
 from meshtide_codec.entropy.model_kernels import SIGNED_CONTEXTS, UNSIGNED_CONTEXTS, code_signed, code_unsigned
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
+    from meshtide_codec.compilation import Integer
     from meshtide_codec.entropy.model_kernels import Contexts
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
@@ -29,8 +29,8 @@ CELL_CONTEXTS = UNSIGNED_CONTEXTS
 
 @kernel
 def code_child_counts(
-    coder: Coder, buffer: Buffer, contexts: Contexts, counts: NDArray[np.int64], vertex_count: int
-) -> int:
+    coder: Coder, buffer: Buffer, contexts: Contexts, counts: NDArray[np.int64], vertex_count: Integer
+) -> Integer:
     """Code how many vertices each coarse vertex splits into; they add up to `vertex_count`.
 
     A count less one is coded in the context of the count before it (1, 2, 3, more).
@@ -48,7 +48,7 @@ def code_child_counts(
 
 
 @kernel
-def code_differences(coder: Coder, buffer: Buffer, contexts: Contexts, differences: NDArray[np.int64]) -> int:
+def code_differences(coder: Coder, buffer: Buffer, contexts: Contexts, differences: NDArray[np.int64]) -> Integer:
     """Code Diffs (n, 3), each coordinate with its own contexts, chosen by the size of the two Diffs before it.
 
     No value depends on anything outside of this packet, so Diffs decode without each other.
@@ -72,8 +72,8 @@ def code_differences(coder: Coder, buffer: Buffer, contexts: Contexts, differenc
 
 @kernel
 def code_ascending(
-    coder: Coder, buffer: Buffer, contexts: Contexts, codes: NDArray[np.int64], bits: int, end: int
-) -> int:
+    coder: Coder, buffer: Buffer, contexts: Contexts, codes: NDArray[np.int64], bits: Integer, end: Integer
+) -> Integer:
     """Code strictly ascending integers in [0, end) by their gaps.
 
     A gap is coded in `bits`-wide halves, since an integer model takes at most 32 bits.

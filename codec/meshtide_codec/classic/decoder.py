@@ -101,7 +101,7 @@ class ClassicDecoder:
         return level.geometry
 
     def _available(self) -> range:
-        """The levels that can be shown, coarsest first: connectivity and coefficients are there from the coarsest on."""
+        """The levels that can be shown, coarsest first: connectivity and coefficients are there down to them."""
         coarsest = len(self._levels) - 1
         end = coarsest
         while end >= 0:

@@ -95,7 +95,7 @@ class ClassicEncoding:
             self._send(PacketKind.PARAM, number, encode_param(coefficients))
         prediction = predict(adjacency, extension, self.header.filter, coefficients)
         if number in self.header.levels_with_diff:
-            differences = level.cells - containing_cells(prediction, level.shift, self._bits)
+            differences = level.cells.astype(np.int64) - containing_cells(prediction, level.shift, self._bits)
             self.differences[number] = differences
             self._send(PacketKind.DIFF, number, encode_diff(differences))
             self._finish_level(number, true)
@@ -112,7 +112,7 @@ class ClassicEncoding:
 
     def distances(self, number: int) -> NDArray[np.float64]:
         """(n,) per finest vertex: how far it is, in finest steps, from the vertex of level `number` it collapses to."""
-        ancestors = np.arange(len(self.levels[0].cells))
+        ancestors = np.arange(len(self.levels[0].cells), dtype=np.int32)
         for level in self.levels[:number]:
             assert level.parents is not None  # noqa: S101 - only the coarsest level has no map
             ancestors = level.parents[ancestors]

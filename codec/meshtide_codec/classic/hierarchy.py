@@ -72,7 +72,7 @@ def build_hierarchy(
         parents = (np.cumsum(first_child) - 1).astype(np.int32)
         levels.append(HierarchyLevel(shift, cells, faces, parents))
         cells, shift = coarse_cells, shift + step
-        faces = canonical_faces(parents[faces])
+        faces = canonical_faces(parents[faces].astype(np.int32))
 
 
 def cell_centres(cells: NDArray[np.integer], shift: int) -> NDArray[np.float64]:

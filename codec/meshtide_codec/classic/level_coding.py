@@ -141,7 +141,7 @@ def decode_diff(payload: bytes, vertex_count: int) -> NDArray[np.int64]:
     return differences
 
 
-def _two_parts(payload: bytes, error_type: type[BaseError] | type[MapConnError]) -> tuple[bytes, bytes]:
+def _two_parts(payload: bytes, error_type: type[BaseError | MapConnError]) -> tuple[bytes, bytes]:
     try:
         parts = plain_values.array(plain_values.unpack(payload, len(payload)), "the payload", 2)
         first, second = (plain_values.binary(part, "a part of the payload", len(payload)) for part in parts)

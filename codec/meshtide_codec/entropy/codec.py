@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 SMALLEST_BUFFER = 1024
 
 
-def encoded(write: Callable[[Coder, Buffer], None], expected_bytes: int = SMALLEST_BUFFER) -> bytes:
+def encoded(write: Callable[[Coder, Buffer], object], expected_bytes: int = SMALLEST_BUFFER) -> bytes:
     """The bytes that `write(coder, buffer)` produces; it is repeated with a larger buffer when one overflows.
 
     `write` must start from the same state each time. Trailing zero bytes are dropped: a decoder reads zeros there.
 
     >>> import numpy as np
     >>> from meshtide_codec.entropy.range_coder_kernels import code_raw_bits
-    >>> payload = encoded(lambda coder, buffer: code_raw_bits(coder, buffer, 8, 77) and None)
+    >>> payload = encoded(lambda coder, buffer: code_raw_bits(coder, buffer, 8, 77))
     >>> coder, buffer = opened(payload)
     >>> int(code_raw_bits(coder, buffer, 8, 0))
     77

@@ -1,8 +1,8 @@
 """Adaptive models over the range coder: single binary contexts, and integers made of them.
 
 A binary context counts what it has seen and moves its probability towards it by 1 / (count + 1.6), fast at first
-and slowly later; a Krichevsky-Trofimov style
-estimator whose count is capped, so that it keeps forgetting. Integers only. Cost: O(1) per decision, O(log value) per integer.
+and slowly later: a Krichevsky-Trofimov style estimator whose count is capped, so that it keeps forgetting.
+Integers only. Cost: O(1) per decision, O(log value) per integer.
 
 A context is one int32: probability of a one in its upper bits (16-bit fraction), count in the lowest 8.
 Integers are coded by adaptive exponential Golomb codes: the length of value + 1 in unary, each step with its own
@@ -21,6 +21,7 @@ from meshtide_codec.entropy.range_coder_kernels import code_bit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from meshtide_codec.compilation import Integer
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
     Contexts = NDArray[np.int32]
@@ -45,7 +46,7 @@ def new_contexts(count: int) -> Contexts:
 
 
 @inlined_kernel
-def code_adaptive_bit(coder: Coder, buffer: Buffer, contexts: Contexts, index: int, bit: int) -> int:
+def code_adaptive_bit(coder: Coder, buffer: Buffer, contexts: Contexts, index: Integer, bit: Integer) -> Integer:
     """Code one decision with the context at `index`, and let the context learn from it."""
     context = np.int64(contexts[index])
     probability = context >> 8
@@ -60,7 +61,9 @@ def code_adaptive_bit(coder: Coder, buffer: Buffer, contexts: Contexts, index: i
 
 
 @kernel
-def code_symbol(coder: Coder, buffer: Buffer, contexts: Contexts, base: int, bits: int, symbol: int) -> int:
+def code_symbol(
+    coder: Coder, buffer: Buffer, contexts: Contexts, base: Integer, bits: Integer, symbol: Integer
+) -> Integer:
     """Code one of 2^bits symbols by a binary tree of contexts; takes 2^bits contexts from `base` on."""
     node = 1
     for place in range(bits - 1, -1, -1):
@@ -69,7 +72,7 @@ def code_symbol(coder: Coder, buffer: Buffer, contexts: Contexts, base: int, bit
 
 
 @kernel
-def code_unsigned(coder: Coder, buffer: Buffer, contexts: Contexts, base: int, value: int) -> int:
+def code_unsigned(coder: Coder, buffer: Buffer, contexts: Contexts, base: Integer, value: Integer) -> Integer:
     """Code an integer in [0, 2^32 - 2]; takes UNSIGNED_CONTEXTS contexts from `base` on.
 
     Returns the integer, or OUT_OF_RANGE when the decoder reads a length that no encoder writes.
@@ -101,7 +104,7 @@ def code_unsigned(coder: Coder, buffer: Buffer, contexts: Contexts, base: int, v
 
 
 @kernel
-def code_signed(coder: Coder, buffer: Buffer, contexts: Contexts, base: int, value: int) -> int:
+def code_signed(coder: Coder, buffer: Buffer, contexts: Contexts, base: Integer, value: Integer) -> Integer:
     """Code an integer in (-2^31, 2^31): magnitude first, then its sign; takes SIGNED_CONTEXTS contexts.
 
     A decoder that reads a magnitude out of range returns -2^31, which no encoder writes.

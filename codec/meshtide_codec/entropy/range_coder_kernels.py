@@ -20,6 +20,8 @@ from meshtide_codec.compilation import inlined_kernel, kernel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from meshtide_codec.compilation import Integer
+
     Coder = NDArray[np.int64]
     Buffer = NDArray[np.uint8]
 
@@ -67,16 +69,16 @@ def _start_decoder(state: Coder, payload: Buffer) -> None:
 
 
 @inlined_kernel
-def _next_byte(state: Coder, payload: Buffer) -> int:
+def _next_byte(state: Coder, payload: Buffer) -> Integer:
     position = state[POSITION]
     state[POSITION] = position + 1
     if position < len(payload):
-        return np.int64(payload[position])  # type: ignore[return-value]
-    return np.int64(0)  # type: ignore[return-value]
+        return np.int64(payload[position])
+    return np.int64(0)
 
 
 @kernel
-def _emit(state: Coder, buffer: Buffer, byte: int) -> None:
+def _emit(state: Coder, buffer: Buffer, byte: Integer) -> None:
     if state[POSITION] < len(buffer):
         buffer[state[POSITION]] = byte & 255
         state[POSITION] += 1
@@ -101,7 +103,7 @@ def _shift_low(state: Coder, buffer: Buffer) -> None:
 
 
 @inlined_kernel
-def code_bit(state: Coder, buffer: Buffer, probability: int, bit: int) -> int:
+def code_bit(state: Coder, buffer: Buffer, probability: Integer, bit: Integer) -> Integer:
     """Code one decision whose chance of being 1 is probability / 65536 (clamped away from 0 and 1).
 
     Returns the decision: the one given when encoding, the one read when decoding.
@@ -140,7 +142,7 @@ def code_bit(state: Coder, buffer: Buffer, probability: int, bit: int) -> int:
 
 
 @kernel
-def code_raw_bits(state: Coder, buffer: Buffer, bits: int, value: int) -> int:
+def code_raw_bits(state: Coder, buffer: Buffer, bits: Integer, value: Integer) -> Integer:
     """Code the lowest `bits` bits of `value`, highest first, each as an even chance."""
     result = 0
     for place in range(bits - 1, -1, -1):

@@ -35,7 +35,7 @@ PREAMBLE_BYTES = _PREAMBLE.size
 
 
 def preamble(header_bytes: bytes) -> bytes:
-    """What stands in front of the packets in a file: magic, version, and `header_bytes` with its length and checksum."""
+    """What stands in front of the packets in a file: magic, version, and the header with its length and checksum."""
     return _PREAMBLE.pack(MAGIC, FORMAT_VERSION, len(header_bytes), zlib.crc32(header_bytes)) + header_bytes
 
 
@@ -172,7 +172,8 @@ class ContainerReader:
         check_version(version)
         if length > self._limits.header_bytes:
             raise LimitError(
-                f"the file claims a header of {length} bytes; this decoder accepts {self._limits.header_bytes}", offset=10
+                f"the file claims a header of {length} bytes; this decoder accepts {self._limits.header_bytes}",
+                offset=10,
             )
         end = PREAMBLE_BYTES + length
         if len(self._pending) < end:

@@ -1,0 +1,252 @@
+"""The codec's part of the command `meshtide`: encode, decode, info, sphere.
+
+Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from meshtide_codec.stream.header import StreamHeader
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the codec's commands to `app`."""
+    app.command()(encode)
+    app.command()(decode)
+    app.command()(info)
+    app.command()(sphere)
+
+
+def encode(
+    mesh: Annotated[Path, typer.Argument(help="Mesh file: PLY, OBJ, OFF, STL, GLB, ...")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Default: the mesh's name with .tide.")] = None,
+    bits: Annotated[int, typer.Option("-B", "--bits", help="Quantization bits per coordinate, 4 to 20.")] = 12,
+    drop_bits: Annotated[int, typer.Option("-K", "--drop-bits", help="Bits per coordinate that a level drops.")] = 1,
+    minimum_ratio: Annotated[float, typer.Option(help="Skip levels that collapse less than this.")] = 1.5,
+    coarsest_vertices: Annotated[int, typer.Option(help="Stop at a level of so many vertices.")] = 300,
+    filter_kind: Annotated[
+        str, typer.Option("--filter", help="zeroth, gaussian, taubin, polynomial or rational.")
+    ] = "polynomial",
+    degree: Annotated[int, typer.Option(help="Degree of a polynomial filter.")] = 3,
+    basis: Annotated[str, typer.Option(help="power or chebyshev.")] = "power",
+    norm: Annotated[float, typer.Option(help="p of the l_p norm that the filter minimises: 1 to 2, or inf.")] = 2.0,
+    variable_from: Annotated[
+        int | None, typer.Option("-S", help="Levels S-1 to 1 send no Diff; a large S is single resolution.")
+    ] = None,
+    diff_levels: Annotated[
+        str | None, typer.Option(help="The very levels whose Diffs are sent, such as 0,2,3.")
+    ] = None,
+    keep_unreferenced: Annotated[bool, typer.Option(help="Keep vertices that no face uses.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Encode a mesh file into a .tide stream.
+
+    Example: meshtide encode bunny.obj -o bunny.tide --degree 5 --basis chebyshev
+    """
+    from meshtide_codec.classic.options import ClassicOptions
+    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.encoder import encode as encode_mesh
+    from meshtide_codec.files import load_mesh, write_atomically
+    from meshtide_codec.filters import FilterSpec
+
+    options = ClassicOptions(
+        bits=bits,
+        drop_bits=drop_bits,
+        minimum_ratio=minimum_ratio,
+        coarsest_vertices=coarsest_vertices,
+        filter=FilterSpec(filter_kind, degree=degree, basis=basis, norm=norm),  # type: ignore[arg-type]
+        variable_from=variable_from,
+        sent_levels=None if diff_levels is None else _levels(diff_levels),
+    )
+    with progress_bar("encode") as progress:
+        progress("read", 0.0)
+        loaded = load_mesh(mesh, keep_unreferenced=True)
+        kept = loaded if keep_unreferenced else loaded.referenced()
+        encoded = encode_mesh(kept, options, progress=progress)
+    target = output or mesh.with_suffix(".tide")
+    data = encoded.to_bytes()
+    write_atomically(target, data)
+    report = _report(encoded.header) | {
+        "output": str(target),
+        "unreferenced_vertices": len(loaded.vertices) - len(kept.vertices),
+        "welded_vertices": encoded.quantized.welded_vertices,
+        "dropped_faces": encoded.quantized.dropped_faces,
+    }
+    if as_json:
+        _print_json(report)
+        return
+    _print_report(report)
+    typer.echo(
+        f"left out: {report['unreferenced_vertices']} vertices without a face, {report['welded_vertices']} welded, "
+        f"{report['dropped_faces']} faces that became degenerate or repeat another"
+    )
+    typer.echo(f"{target}: {len(data)} bytes, {report['bits_per_vertex']:.2f} bits per vertex")
+
+
+def decode(
+    stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Default: the stream's name with .ply.")] = None,
+    level: Annotated[int, typer.Option(help="Level to decode; 0 is the finest.")] = 0,
+    partial: Annotated[bool, typer.Option(help="Take what a cut-off or damaged file still holds.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Decode a .tide stream into a mesh file.
+
+    Example: meshtide decode bunny.tide -o bunny-coarse.ply --level 2
+    """
+    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.decoder import Decoder
+    from meshtide_codec.errors import OptionError
+    from meshtide_codec.files import save_mesh
+    from meshtide_codec.stream.container import read_available
+
+    header, packets, problem = read_available(stream.read_bytes())
+    if problem is not None and not partial:
+        raise problem
+    coarsest = header.levels[0].level
+    if not 0 <= level <= coarsest:
+        raise OptionError(f"the stream has levels 0..{coarsest}, not {level}")
+    with progress_bar("decode") as progress:
+        decoder = Decoder(header)
+        wanted = packets[: header.entry(level).packet_count]
+        for done, packet in enumerate(wanted):
+            progress("packets", done / len(wanted))
+            decoder.push(packet)
+        if decoder.finest is None:
+            raise problem or OptionError("the stream holds no whole level")
+        shown = max(level, decoder.finest)
+        mesh = decoder.mesh(shown)
+    target = output or stream.with_suffix(".ply")
+    save_mesh(mesh, target)
+    answer = {
+        "output": str(target),
+        "level": shown,
+        "exact": decoder.is_exact(shown),
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "problem": None if problem is None else str(problem),
+    }
+    if as_json:
+        _print_json(answer)
+        return
+    if problem is not None:
+        typer.echo(f"the file is not whole ({problem})", err=True)
+    state = "" if answer["exact"] else ", predicted only"
+    typer.echo(f"{target}: level {shown}, {len(mesh.vertices)} vertices, {len(mesh.faces)} faces{state}")
+
+
+def info(
+    stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Tell what a .tide stream holds: bytes by level and kind, bits per vertex, predictor.
+
+    Example: meshtide info bunny.tide --json
+    """
+    from meshtide_codec.stream.container import read_available
+
+    header, packets, problem = read_available(stream.read_bytes())
+    report = _report(header) | {"packets_present": len(packets), "problem": None if problem is None else str(problem)}
+    if as_json:
+        _print_json(report)
+    else:
+        _print_report(report)
+    if problem is not None:
+        raise problem
+
+
+def sphere(as_json: JsonOption = False) -> None:
+    """Print the rates of the paper's sphere, filter by filter, beside the published ones.
+
+    Example: meshtide sphere
+    """
+    from dataclasses import asdict
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.sphere import sphere_table
+
+    with progress_bar("sphere") as progress:
+        rows = list(sphere_table(progress))
+    if as_json:
+        _print_json({"rows": [asdict(row) for row in rows]})
+        return
+    table = Table(title="sphere, B = 10, K = 1, four levels: geometry, bits per vertex")
+    for column in ("filter", "multi", "paper", "single", "paper", "l2 error/vertex x 1e4"):
+        table.add_column(column, justify="left" if column == "filter" else "right")
+    for row in rows:
+        table.add_row(
+            row.name,
+            f"{row.multi:.2f}",
+            _figure(row.published_multi),
+            f"{row.single:.2f}",
+            _figure(row.published_single),
+            f"{1e4 * row.l2_error:.3f}",
+        )
+    Console().print(table)
+
+
+def _levels(text: str) -> frozenset[int]:
+    from meshtide_codec.errors import OptionError
+
+    try:
+        return frozenset(int(part) for part in text.split(",") if part.strip())
+    except ValueError as error:
+        raise OptionError(f"levels are written like 0,2,3, not {text!r}") from error
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _report(header: StreamHeader) -> dict[str, Any]:
+    from meshtide_codec.rates import stream_report
+
+    return stream_report(header, len(header.to_bytes()))
+
+
+def _print_json(answer: Mapping[str, Any]) -> None:
+    import json
+
+    typer.echo(json.dumps(answer))
+
+
+def _print_report(report: Mapping[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    kinds = list(report["bytes_by_kind"])
+    table = Table(title=f"profile {report['profile']}, B = {report['bits']}, predictor {_predictor(report)}")
+    for column in ("level", "vertices", "faces", *kinds, "bytes so far", "rms", "maximum"):
+        table.add_column(column, justify="right")
+    for row in report["levels"]:
+        table.add_row(
+            str(row["level"]),
+            str(row["vertices"]),
+            str(row["faces"]),
+            *(str(row["bytes_by_kind"].get(kind, "")) for kind in kinds),
+            str(row["cumulative_bytes"]),
+            f"{row['rms']:.2e}",
+            f"{row['maximum']:.2e}",
+        )
+    table.add_section()
+    rates = (f"{report['bits_per_vertex_by_kind'][kind]:.2f}" for kind in kinds)
+    table.add_row("bits/vertex", "", "", *rates, f"{report['bits_per_vertex']:.2f}", "", "")
+    Console().print(table)
+
+
+def _predictor(report: Mapping[str, Any]) -> str:
+    spec = dict(report["options"].get("filter", {}))
+    kind = spec.pop("kind", "none")
+    return f"{kind} ({', '.join(f'{name} {value}' for name, value in spec.items())})" if spec else str(kind)
