@@ -107,7 +107,7 @@ def _fitted(
     if norm != 2.0 and rank > 0 and residual.any():
         basis = columns[:, :rank]
         if norm == math.inf:
-            shares = shares + _least_maximum(basis, residual)
+            shares = shares + _least_maximum(basis, residual, -shares)
         elif norm == 1.0:
             shares = shares + _least_sum(basis, residual)
         else:
@@ -136,17 +136,20 @@ def _rounded_back_substitution(triangle: NDArray[np.float64], shares: NDArray[np
     return coefficients
 
 
-def _least_maximum(basis: NDArray[np.float64], residual: NDArray[np.float64]) -> NDArray[np.float64]:
+def _least_maximum(
+    basis: NDArray[np.float64], residual: NDArray[np.float64], zeroth: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Shares z with the least max |residual - Q z|: program (18) by row generation.
 
     The program over some rows bounds the whole one from below, its solution from above; the rows it violates
-    most join until both meet. Never worse than z = 0.
+    most join until both meet. The solution is seldom the only one: where the zeroth order filter's shares,
+    `zeroth`, are no worse, they are it.
     """
     unit = float(np.abs(residual).max())
     scale = math.sqrt(len(residual))  # makes the entries of Q about 1
     rank = basis.shape[1]
-    best = np.zeros(rank)
-    best_maximum = unit
+    best = zeroth
+    best_maximum = float(np.abs(residual - fit_kernels.combine(basis, zeroth)).max())
     remaining = residual
     chosen = np.empty(0, np.int64)
     for _ in range(MAXIMUM_ROUNDS):
@@ -166,9 +169,9 @@ def _least_maximum(basis: NDArray[np.float64], residual: NDArray[np.float64]) ->
         shares = solved.x[:rank] * (scale * unit)
         remaining = residual - fit_kernels.combine(basis, shares)
         maximum = float(np.abs(remaining).max())
-        if maximum < best_maximum:
+        if maximum < best_maximum - RELATIVE_GAP * unit:
             best, best_maximum = shares, maximum
-        if best_maximum <= solved.fun * unit + RELATIVE_GAP * unit:
+        if best_maximum <= solved.fun * unit + 2 * RELATIVE_GAP * unit:
             break
     return best
 
