@@ -1,0 +1,196 @@
+"""Faces of a level to bytes and back, given the coarser level. See the package's description for the method."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshtide_codec.connectivity import coarse_kernels, decision_kernels, half_edge_kernels, level_kernels
+from meshtide_codec.connectivity.candidate_kernels import new_candidates
+from meshtide_codec.connectivity.coarse_kernels import build_coarse_mesh
+from meshtide_codec.connectivity.edge_index_kernels import sorted_faces
+from meshtide_codec.connectivity.half_edge_kernels import FineMesh
+from meshtide_codec.connectivity.level_kernels import Level
+from meshtide_codec.connectivity.tables import new_models
+from meshtide_codec.connectivity.traversal_kernels import find_witnesses, traverse
+from meshtide_codec.connectivity.truth_kernels import build_truth, closed_and_simple, empty_truth
+from meshtide_codec.entropy.codec import encoded, fully_read, opened
+from meshtide_codec.entropy.range_coder_kernels import POSITION, code_raw_bits
+from meshtide_codec.errors import MapConnError, MeshError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from meshtide_codec.connectivity.coarse_kernels import CoarseMesh
+    from meshtide_codec.connectivity.truth_kernels import Truth
+    from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
+
+    Integers = NDArray[np.integer]
+
+NOTHING = np.zeros(1, np.int32)
+
+REASONS = {
+    coarse_kernels.TOO_MANY_FACES: "more faces are copied from the coarser level than were announced",
+    decision_kernels.NO_SUCH_CANDIDATE: "a face names a candidate that is not in the list",
+    level_kernels.NOT_CLOSED: "a gate has no candidate in a level announced as closed",
+    level_kernels.NOT_CLEAN: "faces are missing after the last gate of a level announced as clean",
+    level_kernels.NO_SUCH_VERTEX: "a face names a vertex outside of the level, or one vertex twice",
+    level_kernels.TOO_FEW_FACES: "there are fewer faces than announced",
+}
+
+
+def encode_faces(
+    fine_faces: Integers,
+    parents: Integers,
+    coarse_faces: Integers,
+    coarse_count: int,
+    positions: Integers | None = None,
+) -> bytes:
+    """Code the faces of a level, given the level that it collapses to.
+
+    Args:
+        fine_faces: (m, 3), distinct oriented triangles with three different corners each, in any order.
+        parents: (n,), coarse vertex of each fine vertex; never falls, and leaves out no coarse vertex.
+        coarse_faces: (k, 3), what the fine faces become under `parents`, without degenerate and repeated ones.
+        coarse_count: number of coarse vertices. The coarsest level of all is coded with coarse_count 1.
+        positions: (n, 3) integers, positions known to the decoder before the faces are; None if there are none.
+
+    Raises:
+        MeshError: an argument breaks these rules.
+    """
+    problem = _problem(parents, coarse_faces, coarse_count, positions)
+    if problem is None and not _valid_indices(fine_faces, len(parents)):
+        problem = "the fine faces must be an (m, 3) array of fine vertices"
+    if problem is not None:
+        raise MeshError(f"connectivity cannot be coded: {problem}")
+    if len(fine_faces) == 0:
+        return b""
+    fine_parents = np.ascontiguousarray(parents, np.int32)
+    coarse = build_coarse_mesh(fine_parents, np.ascontiguousarray(coarse_faces, np.int32), coarse_count)
+    truth = build_truth(np.ascontiguousarray(fine_faces, np.int32), len(parents))
+    witnesses = find_witnesses(truth.faces, fine_parents, coarse)
+    closed, clean = closed_and_simple(truth)
+    while True:
+        payload, status = _encoded_as(closed, clean, coarse, truth, fine_parents, positions, witnesses)
+        if status == level_kernels.DONE:
+            return payload
+        if status == level_kernels.NOT_CLOSED and closed:
+            closed = False
+        elif status == level_kernels.NOT_CLEAN and clean:
+            clean = False
+        else:
+            raise MeshError(
+                "connectivity cannot be coded: the fine faces repeat one or have a repeated corner, "
+                "or the coarse faces are not what they collapse to"
+            )
+
+
+def _encoded_as(
+    closed: bool,
+    clean: bool,
+    coarse: CoarseMesh,
+    truth: Truth,
+    parents: NDArray[np.int32],
+    positions: Integers | None,
+    witnesses: NDArray[np.int32],
+) -> tuple[bytes, int]:
+    """The payload of a level announced as closed or clean or not, and the status that says whether it was true."""
+    status = level_kernels.DONE
+
+    def write(coder: Coder, buffer: Buffer) -> None:
+        nonlocal status
+        level = _new_level(coarse, truth, parents, len(truth.faces), positions)
+        level = level._replace(encoding=True, closed=closed, clean=clean)
+        code_raw_bits(coder, buffer, 2, 2 * closed + clean)
+        status = traverse(coder, buffer, new_models(geometric=positions is not None), level, witnesses)
+
+    return encoded(write, len(truth.faces)), status
+
+
+def decode_faces(
+    payload: bytes | memoryview,
+    parents: Integers,
+    coarse_faces: Integers,
+    coarse_count: int,
+    face_count: int,
+    positions: Integers | None = None,
+) -> NDArray[np.int32]:
+    """The faces that `encode_faces` coded, (m, 3) int32, smallest corner first, in lexicographic order.
+
+    `face_count` must have been checked against limits: memory is taken in proportion to it. The other arguments are
+    those of `encode_faces`.
+
+    Raises:
+        MapConnError: the payload is damaged, or does not belong to these arguments.
+    """
+    problem = _problem(parents, coarse_faces, coarse_count, positions)
+    if problem is not None:
+        raise MapConnError(f"connectivity cannot be decoded: {problem}")
+    if face_count == 0:
+        if len(payload) > 0:
+            raise MapConnError("connectivity of a level without faces must be empty", offset=0)
+        return np.zeros((0, 3), np.int32)
+    fine_parents = np.ascontiguousarray(parents, np.int32)
+    coarse = build_coarse_mesh(fine_parents, np.ascontiguousarray(coarse_faces, np.int32), coarse_count)
+    coder, buffer = opened(payload)
+    flags = code_raw_bits(coder, buffer, 2, 0)
+    level = _new_level(coarse, empty_truth(), fine_parents, face_count, positions)
+    level = level._replace(closed=flags >= 2, clean=flags % 2 == 1)
+    status = traverse(coder, buffer, new_models(geometric=positions is not None), level, NOTHING)
+    offset = min(int(coder[POSITION]), len(payload))
+    if status != level_kernels.DONE:
+        raise MapConnError(f"{REASONS[status]}; the stream is damaged", offset=offset)
+    if not fully_read(coder, payload):
+        raise MapConnError("bytes follow the last face; the stream is damaged", offset=offset)
+    faces = sorted_faces(level.fine.triangles, len(parents))
+    if np.any(np.all(faces[1:] == faces[:-1], axis=1)):
+        raise MapConnError("a face appears twice; the stream is damaged", offset=offset)
+    return faces
+
+
+def _problem(parents: Integers, coarse_faces: Integers, coarse_count: int, positions: Integers | None) -> str | None:
+    """What is wrong with the arguments that encoder and decoder share, or None."""
+    if parents.ndim != 1 or len(parents) < coarse_count or coarse_count < 1:
+        return f"{len(parents)} fine vertices cannot collapse to {coarse_count} coarse ones"
+    steps = np.diff(parents)
+    if parents[0] != 0 or parents[-1] != coarse_count - 1 or np.any(steps < 0) or np.any(steps > 1):
+        return "the parents must rise from 0 to the last coarse vertex without gaps"
+    if not _valid_indices(coarse_faces, coarse_count):
+        return "the coarse faces must be a (k, 3) array of coarse vertices"
+    if positions is not None and positions.shape != (len(parents), 3):
+        return f"positions have the shape {positions.shape} instead of {(len(parents), 3)}"
+    return None
+
+
+def _valid_indices(faces: Integers, count: int) -> bool:
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        return False
+    return len(faces) == 0 or (int(faces.min()) >= 0 and int(faces.max()) < count)
+
+
+def _new_level(
+    coarse: CoarseMesh,
+    truth: Truth,
+    parents: NDArray[np.int32],
+    face_count: int,
+    positions: Integers | None,
+) -> Level:
+    """The state at the start of a traversal, for a decoder."""
+    vertices = np.zeros((len(parents), half_edge_kernels.VERTEX_COLUMNS), np.int32)
+    vertices[:, half_edge_kernels.HEAD] = half_edge_kernels.NONE
+    if positions is not None:
+        vertices[:, half_edge_kernels.X : half_edge_kernels.X + 3] = positions
+    triangles = np.empty((face_count, half_edge_kernels.TRIANGLE_COLUMNS), np.int32)
+    return Level(
+        coarse=coarse._replace(covered=coarse.covered.copy()),
+        fine=FineMesh(parents, triangles, vertices),
+        truth=truth._replace(done=np.zeros_like(truth.done), waiting=np.arange(len(truth.waiting), dtype=np.int32)),
+        candidates=new_candidates(len(coarse.activity)),
+        progress=np.zeros(level_kernels.PROGRESS_SIZE, np.int64),
+        corners=np.zeros(3, np.int64),
+        encoding=False,
+        closed=False,
+        clean=False,
+        geometric=positions is not None,
+    )

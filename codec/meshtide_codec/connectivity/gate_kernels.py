@@ -1,0 +1,118 @@
+"""Gates: half-edges whose other side is open. Most faces are coded here, one apex at a time.
+
+Half-edges are numbered in the order in which they are made, so the queue of gates is the numbering itself: the first
+pass looks at each half-edge once, in order. A gate whose best candidate is doubtful is left open then, because its
+surroundings may be known better later; when the first pass has nothing left, the second pass asks it for good.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from meshtide_codec.connectivity import half_edge_kernels as half_edges
+from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.candidate_kernels import gather_apexes
+from meshtide_codec.connectivity.decision_kernels import (
+    AT_GATE,
+    borders,
+    code_choice,
+    code_gate_has_face,
+)
+from meshtide_codec.connectivity.level_kernels import (
+    DONE,
+    FACES_DONE,
+    FIRST_PASS,
+    NOT_CLOSED,
+    SECOND_PASS,
+    add_face_at_gate,
+    next_number,
+)
+from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT, score_candidates
+from meshtide_codec.connectivity.truth_kernels import find_right
+
+if TYPE_CHECKING:
+    from meshtide_codec.connectivity.decision_kernels import Models
+    from meshtide_codec.connectivity.level_kernels import Level
+    from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
+
+DOUBTFUL = FULL_WEIGHT * 5 // 2  # sum of weights beyond which a gate waits: the best has less than 40 %
+
+
+@borrowing_kernel
+def next_gate(level: Level, place: int) -> int:
+    """The next open half-edge of the pass FIRST_PASS or SECOND_PASS, or -1; advances that pass beyond it."""
+    triangles = level.fine.triangles
+    half_edge = level.progress[place]
+    end = 4 * level.progress[FACES_DONE]
+    while half_edge < end:
+        if half_edge & 3 == 3:
+            half_edge += 1
+        elif half_edges.field(triangles, half_edge, half_edges.TWIN) == half_edges.OPEN:
+            level.progress[place] = half_edge + 1
+            return int(half_edge)
+        else:
+            half_edge += 1
+    level.progress[place] = half_edge
+    return -1
+
+
+@borrowing_kernel
+def code_gates(coder: Coder, buffer: Buffer, models: Models, level: Level) -> int:
+    """Code gates until none is left or all faces are known; returns DONE or a negative status."""
+    while level.progress[FACES_DONE] < len(level.fine.triangles):
+        gate = next_gate(level, FIRST_PASS)
+        may_wait = gate >= 0
+        if gate < 0:
+            gate = next_gate(level, SECOND_PASS)
+            if gate < 0:
+                return DONE
+        status = code_gate(coder, buffer, models, level, gate, may_wait)
+        if status < 0:
+            return status
+    return DONE
+
+
+@borrowing_kernel
+def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: int, may_wait: bool) -> int:
+    """Code the face on the open side of a half-edge, or that there is none."""
+    fine = level.fine
+    triangles = fine.triangles
+    vertices = fine.vertices
+    second = half_edges.field(triangles, gate, half_edges.CORNER)
+    first = half_edges.field(triangles, half_edges.following(gate), half_edges.CORNER)
+    known_apex = half_edges.field(triangles, half_edges.preceding(gate), half_edges.CORNER)
+    number = next_number(level)
+    if half_edges.mark_surroundings(fine, first, second, number):
+        half_edges.drop_gate(triangles, vertices, gate, first, second, half_edges.EXTRA)
+        return DONE
+    count, below, uncovered = gather_apexes(
+        level.candidates, level.coarse, fine, first, second, known_apex, number, False
+    )
+    best, total = score_candidates(
+        models.scores, level.geometric, level.candidates, count, fine, first, second, known_apex
+    )
+    if may_wait and total > DOUBTFUL:
+        return DONE
+    has_face = 0
+    if level.encoding and find_right(level.truth, level.candidates, count, first, second):
+        has_face = 1
+    if level.closed:
+        if count == 0 or (level.encoding and not has_face):
+            return NOT_CLOSED
+        has_face = 1
+    elif count > 0:
+        shared = fine.parents[first] == fine.parents[second]
+        has_face = code_gate_has_face(
+            coder, buffer, models, (shared, below, uncovered, borders(fine, first, second)),
+            count, level.candidates.flags[best], total, has_face,
+        )  # fmt: skip
+    if not has_face:
+        half_edges.drop_gate(triangles, vertices, gate, first, second, half_edges.BORDER)
+        vertices[first, half_edges.AT_BORDER] = 1
+        vertices[second, half_edges.AT_BORDER] = 1
+        return DONE
+    row = code_choice(coder, buffer, models, AT_GATE, level.candidates, count, best, total, vertices)
+    if row < 0:
+        return row
+    add_face_at_gate(level, gate, row)
+    return DONE
