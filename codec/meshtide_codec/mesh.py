@@ -99,9 +99,9 @@ def canonical_faces(faces: NDArray[Index]) -> NDArray[Index]:
     [[0, 1, 2], [0, 2, 1]]
     """
     a, b, c = faces[:, 0], faces[:, 1], faces[:, 2]
-    rotated = faces[(a != b) & (b != c) & (c != a)]
+    rotated: NDArray[Index] = faces[(a != b) & (b != c) & (c != a)]
     if len(rotated) == 0:
-        return rotated.copy()
+        return rotated
     first = np.argmin(rotated, axis=1)[:, None]
     rotated = np.take_along_axis(rotated, (first + np.arange(3)) % 3, axis=1)
     count = int(rotated.max()) + 1
