@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from hypothesis import strategies as st
+
 from meshtide_codec.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -49,11 +50,10 @@ def shapes() -> dict[str, Callable[[], Mesh]]:
         "tetrahedron": tetrahedron,
         "grid": lambda: grid(24),
         "two components": lambda: Mesh.checked(
-            np.concatenate([grid(9).vertices, grid(9).vertices + 100]), np.concatenate([grid(9).faces, grid(9).faces + 81])
+            np.concatenate([grid(9).vertices, grid(9).vertices + 100]),
+            np.concatenate([grid(9).faces, grid(9).faces + 81]),
         ),
-        "fan": lambda: Mesh.checked(
-            np.random.default_rng(1).random((60, 3)), [[0, i, i + 1] for i in range(1, 59)]
-        ),
+        "fan": lambda: Mesh.checked(np.random.default_rng(1).random((60, 3)), [[0, i, i + 1] for i in range(1, 59)]),
         "book": lambda: Mesh.checked(np.random.default_rng(2).random((40, 3)), [[0, 1, i] for i in range(2, 40)]),
         "soup": lambda: soup(80, 200, seed=5),
         "all welded": lambda: Mesh.checked(np.repeat([[1.0, 2.0, 3.0]], 5, axis=0), [[0, 1, 2], [2, 3, 4]]),

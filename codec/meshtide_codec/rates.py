@@ -52,9 +52,7 @@ def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
         "header_bytes": PREAMBLE_BYTES + header_length,
         "packets": len(header.packets),
         "bytes_by_kind": bytes_by_kind(header),
-        "bits_per_vertex_by_kind": {
-            kind: 8 * size / header.vertices for kind, size in bytes_by_kind(header).items()
-        },
+        "bits_per_vertex_by_kind": {kind: 8 * size / header.vertices for kind, size in bytes_by_kind(header).items()},
         "levels": [
             {
                 "level": row.level,

@@ -3,6 +3,7 @@ from __future__ import annotations
 import inspect
 
 import pytest
+
 from meshtide_codec import errors
 from meshtide_codec.errors import MapConnError, MeshtideError, OptionError, PeerError, StreamError
 
@@ -14,7 +15,9 @@ def test_every_error_stands_in_the_drawn_tree_at_its_place() -> None:
         name = line.strip("│├└─ ").split(" ")[0]
         if name.endswith("Error"):
             depths[name] = (len(line) - len(line.lstrip("│├└─ "))) // 4
-    classes = {name: kind for name, kind in inspect.getmembers(errors, inspect.isclass) if kind.__module__ == errors.__name__}
+    classes = {
+        name: kind for name, kind in inspect.getmembers(errors, inspect.isclass) if kind.__module__ == errors.__name__
+    }
     assert set(depths) == set(classes)
     for name, kind in classes.items():
         ancestors = [base for base in kind.__mro__[1:] if issubclass(base, MeshtideError)]

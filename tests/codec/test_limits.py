@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pytest
+
 from meshtide_codec.errors import LimitError, OptionError
 from meshtide_codec.limits import Limits
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from meshtide_codec.errors import MeshError
 from meshtide_codec.mesh import Mesh, canonical_faces
 

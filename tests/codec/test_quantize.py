@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from meshes import grid, random_meshes
 from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh import Mesh

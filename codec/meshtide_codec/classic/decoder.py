@@ -82,9 +82,7 @@ class ClassicDecoder:
     def is_exact(self, number: int) -> bool:
         """Whether the level is as the encoder made it: every Diff that was sent down to it is there."""
         return number in self._available() and all(
-            self._levels[other].differences is not None
-            for other in self._options.levels_with_diff
-            if other >= number
+            self._levels[other].differences is not None for other in self._options.levels_with_diff if other >= number
         )
 
     def faces(self, number: int) -> NDArray[np.int32]:

@@ -54,4 +54,3 @@ def fully_read(coder: Coder, payload: bytes | memoryview) -> bool:
     never stops before the last byte of a payload.
     """
     return int(coder[range_coder.POSITION]) >= len(payload)
-

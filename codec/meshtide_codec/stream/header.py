@@ -155,9 +155,7 @@ class StreamHeader:
                 int(Field.ORIGIN): list(self.origin),
                 int(Field.EXTENT): self.extent,
                 int(Field.LEVELS): [
-                    number
-                    for row in self.levels
-                    for number in (row.level, row.packet_count, row.vertices, row.faces)
+                    number for row in self.levels for number in (row.level, row.packet_count, row.vertices, row.faces)
                 ],
                 int(Field.PACKETS): [
                     number for row in self.packets for number in (row.kind, row.level, row.slice, row.length)
@@ -212,9 +210,7 @@ def check_version(version: int) -> None:
         )
 
 
-def _read_levels(
-    value: object, distances: object, packet_count: int, limits: Limits
-) -> tuple[LevelEntry, ...]:
+def _read_levels(value: object, distances: object, packet_count: int, limits: Limits) -> tuple[LevelEntry, ...]:
     numbers = plain_values.array(value, "level table")
     count, rest = divmod(len(numbers), 4)
     if rest or not count:

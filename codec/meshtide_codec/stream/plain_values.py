@@ -10,7 +10,7 @@ import msgpack
 from meshtide_codec.errors import MeshtideError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
 LARGEST_INTEGER = (1 << 63) - 1
 
@@ -82,11 +82,6 @@ def array(value: object, name: str, length: int | None = None) -> Sequence[Any]:
         wanted = "an array" if length is None else f"an array of {length}"
         raise BadValueError(f"{name} must be {wanted}, not {shown(value)}")
     return value
-
-
-def optional(value: object, read: Callable[..., Any], *arguments: Any) -> Any:  # noqa: ANN401 - passes through
-    """None, or `value` as `read(value, *arguments)` accepts it."""
-    return None if value is None else read(value, *arguments)
 
 
 def shown(value: object, longest: int = 60) -> str:

@@ -8,6 +8,7 @@ that grant more credit. A client that reconnects says what it holds; no packet t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError
@@ -30,7 +31,7 @@ from meshtide_codec.stream.messages import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from meshtide_codec.stream.packets import Packet
 
@@ -103,8 +104,9 @@ class ServerSession:
         self._mesh = mesh
         self._source = source
         self._credit = 0
-        self._frames: Iterator[tuple[int, Message]] | None = None
-        self._waiting: tuple[int, Message] | None = None
+        self._jobs: Iterator[_Job] | None = None
+        self._job: _Job | None = None
+        self._offset = 0
         self.finished = False
         self.sent_bytes = 0
         """Bytes of parts handed out so far."""
@@ -112,7 +114,7 @@ class ServerSession:
     @property
     def greeted(self) -> bool:
         """Whether the client's hello has arrived."""
-        return self._frames is not None
+        return self._jobs is not None
 
     def receive(self, frame: bytes | str) -> None:
         """Take one frame of the client.
@@ -124,28 +126,29 @@ class ServerSession:
         message = decode_message(frame)
         if isinstance(message, Error):
             raise PeerError(message.code, message.message)
-        if isinstance(message, Hello) and self._frames is None:
+        if isinstance(message, Hello) and self._jobs is None:
             self._greet(message)
-        elif isinstance(message, Credit) and self._frames is not None:
+        elif isinstance(message, Credit) and self._jobs is not None:
             self._credit += message.size
         else:
             raise ProtocolError(f"{type(message).__name__} is not expected here")
 
     def next_frame(self) -> bytes | None:
         """The next frame to send, or None while there is nothing to send."""
-        if self._frames is None or self.finished:
+        if self._jobs is None or self.finished:
             return None
-        if self._waiting is None:
-            self._waiting = next(self._frames, None)
-        if self._waiting is None:
-            self.finished = True
+        if self._job is None:
+            self._job, self._offset = next(self._jobs), 0
+        job = self._job
+        size = min(job.length - self._offset, LARGEST_PART, self._credit)
+        if size == 0 and job.length:
             return None
-        size, message = self._waiting
-        if size > self._credit:
-            return None
+        message = job.message(self._offset, self._offset + size)
         self._credit -= size
         self.sent_bytes += size
-        self._waiting = None
+        self._offset += size
+        if self._offset == job.length:
+            self._job = None
         self.finished = isinstance(message, Done)
         return encode_message(message)
 
@@ -157,28 +160,34 @@ class ServerSession:
         if hello.mesh != self._mesh:
             raise ProtocolError(f"hello asks for mesh {hello.mesh!r} on the connection of {self._mesh!r}")
         self._credit = hello.credit
-        self._frames = self._plan(hello)
+        self._jobs = self._plan(hello)
 
-    def _plan(self, hello: Hello) -> Iterator[tuple[int, Message]]:
-        """All messages of the stream, each with the credit that it costs."""
+    def _plan(self, hello: Hello) -> Iterator[_Job]:
+        """All that has to be sent, in order; the last job is Done."""
         header, header_bytes = self._source.header, self._source.header_bytes
         mark = fingerprint(header_bytes)
         resumed = hello.fingerprint == mark
-        if resumed:
-            yield 0, HeaderPart(mark, len(header_bytes), 0, b"")
-        else:
-            for start, end in _parts(len(header_bytes)):
-                yield end - start, HeaderPart(mark, len(header_bytes), start, header_bytes[start:end])
+        total = len(header_bytes)
+        yield _Job(0 if resumed else total, lambda start, end: HeaderPart(mark, total, start, header_bytes[start:end]))
         until = Until(hello.until_level, hello.until_error, hello.until_bytes)
-        wanted = until.packet_count(header, len(header_bytes))
+        wanted = until.packet_count(header, total)
         packets = size = 0
         for index in _missing(hello.held if resumed else (), wanted):
-            length = header.packets[index].length
-            for start, end in _parts(length):
-                yield end - start, PacketPart(index, start, bytes(self._source.packet_part(index, start, end)))
+            yield _Job(header.packets[index].length, partial(self._packet_part, index))
             packets += 1
-            size += length
-        yield 0, Done(packets, size, more=wanted < len(header.packets))
+            size += header.packets[index].length
+        yield _Job(0, lambda _start, _end: Done(packets, size, more=wanted < len(header.packets)))
+
+    def _packet_part(self, index: int, start: int, end: int) -> PacketPart:
+        return PacketPart(index, start, bytes(self._source.packet_part(index, start, end)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """Something to send: bytes that cost credit, and the message that carries those from `start` to `end`."""
+
+    length: int
+    message: Callable[[int, int], Message]
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,8 +242,8 @@ class ClientSession:
         window: int = DEFAULT_WINDOW,
         limits: Limits | None = None,
     ) -> None:
-        if window < LARGEST_PART:
-            raise OptionError(f"the window must hold at least one part of {LARGEST_PART} bytes, not {window}")
+        if window < 1:
+            raise OptionError(f"the window must be at least 1 byte, not {window}")
         self._mesh = mesh
         self._until = until or Until()
         self._limits = limits or Limits()
@@ -267,7 +276,7 @@ class ClientSession:
 
     def credit_frame(self) -> bytes | None:
         """A frame that grants the server what has been received since the last grant, once that is worth a frame."""
-        if self.finished or self._ungranted < self._window // 2:
+        if self.finished or 2 * self._ungranted < self._window:
             return None
         granted, self._ungranted = self._ungranted, 0
         return encode_message(Credit(granted))
@@ -345,11 +354,6 @@ class ClientSession:
 def error_frame(code: str, message: str) -> bytes:
     """The frame with which either side gives up."""
     return encode_message(Error(code, message[:LONGEST_TEXT]))
-
-
-def _parts(length: int) -> Iterator[tuple[int, int]]:
-    for start in range(0, length, LARGEST_PART):
-        yield start, min(start + LARGEST_PART, length)
 
 
 def _missing(held: Iterable[tuple[int, int]], wanted: int) -> Iterator[int]:

@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgpack
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshtide_codec.errors import ContainerError, LimitError, StreamError, VersionError
+from meshtide_codec.limits import Limits
+from meshtide_codec.stream.header import FORMAT_VERSION, Field, StreamHeader, check_version
+from streams import MadeUpStream, encoded_grid
+
+HEADER = MadeUpStream().header
+
+
+def changed(field: Field, value: object) -> bytes:
+    fields = msgpack.unpackb(HEADER.to_bytes(), strict_map_key=False)
+    fields[int(field)] = value
+    return msgpack.packb(fields)
+
+
+def test_round_trip() -> None:
+    for header in (HEADER, encoded_grid().header):
+        assert StreamHeader.from_bytes(header.to_bytes()) == header
+
+
+def test_counts_and_offsets() -> None:
+    assert HEADER.vertices == 1000
+    assert HEADER.faces == 2000
+    lengths = [entry.length for entry in HEADER.packets]
+    assert HEADER.packet_offsets.tolist() == [0, lengths[0], sum(lengths[:2]), sum(lengths[:3]), sum(lengths)]
+    assert [HEADER.level_bytes(row) for row in HEADER.levels] == [lengths[0], sum(lengths)]
+    assert HEADER.entry(1) is HEADER.levels[0]
+    with pytest.raises(KeyError):
+        HEADER.entry(2)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        (Field.PROFILE, "x" * 33),
+        (Field.PROFILE, 3),
+        (Field.OPTIONS, []),
+        (Field.OPTIONS, {1: 2}),
+        (Field.BITS, 3),
+        (Field.BITS, 21),
+        (Field.ORIGIN, [0.0, 1.0]),
+        (Field.ORIGIN, [0.0, 1.0, float("nan")]),
+        (Field.EXTENT, -1.0),
+        (Field.EXTENT, float("inf")),
+        (Field.LEVELS, []),
+        (Field.LEVELS, [0, 1, 10]),
+        (Field.LEVELS, [1, 1, 10, 10, 1, 4, 20, 20]),  # does not end with level 0
+        (Field.LEVELS, [1, 4, 10, 10, 0, 1, 20, 20]),  # not in transmission order
+        (Field.LEVELS, [1, 1, 10, 10, 0, 5, 20, 20]),  # more packets than there are
+        (Field.LEVELS, [1, 0, 10, 10, 0, 4, 20, 20]),
+        (Field.LEVELS, [1, 1, 0, 10, 0, 4, 20, 20]),
+        (Field.LEVELS, [1, 1, 10, -1, 0, 4, 20, 20]),
+        (Field.LEVELS, [64, 1, 10, 10, 0, 4, 20, 20]),
+        (Field.PACKETS, []),
+        (Field.PACKETS, [0, 0, 0]),
+        (Field.PACKETS, [9, 0, 0, 1] * 4),
+        (Field.PACKETS, [0, 0, 0, 0] * 4),
+        (Field.CHECKSUMS, b"123"),
+        (Field.DISTANCES, b""),
+        (Field.DISTANCES, b"\xff" * 16),  # not numbers
+    ],
+)
+def test_wrong_fields_are_refused(field: Field, value: object) -> None:
+    with pytest.raises(ContainerError, match="damaged stream header"):
+        StreamHeader.from_bytes(changed(field, value))
+
+
+def test_missing_and_unknown_fields_are_refused() -> None:
+    fields = msgpack.unpackb(HEADER.to_bytes(), strict_map_key=False)
+    with pytest.raises(ContainerError, match="fields"):
+        StreamHeader.from_bytes(msgpack.packb(fields | {77: 0}))
+    del fields[0]
+    with pytest.raises(ContainerError, match="fields"):
+        StreamHeader.from_bytes(msgpack.packb(fields))
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        Limits(vertices=999),
+        Limits(faces=1999),
+        Limits(levels=1),
+        Limits(packets=3),
+        Limits(packet_bytes=4999),
+        Limits(header_bytes=50),
+        Limits(memory=10**5),
+    ],
+)
+def test_claims_over_the_limits_are_refused(limits: Limits) -> None:
+    with pytest.raises(LimitError):
+        StreamHeader.from_bytes(HEADER.to_bytes(), limits)
+
+
+def test_a_claim_of_a_million_million_vertices_is_refused_at_once() -> None:
+    levels = [replace(row, vertices=10**12) for row in HEADER.levels]
+    with pytest.raises(LimitError, match="1000000000000 vertices"):
+        StreamHeader.from_bytes(replace(HEADER, levels=tuple(levels)).to_bytes())
+
+
+def test_only_one_version_is_read() -> None:
+    check_version(FORMAT_VERSION)
+    with pytest.raises(VersionError, match="version 2"):
+        check_version(FORMAT_VERSION + 1)
+
+
+@given(st.data())
+@settings(max_examples=200)
+def test_mutated_headers_raise_stream_errors_only(data: st.DataObject) -> None:
+    original = encoded_grid().header.to_bytes()
+    mutated = bytearray(original)
+    for _ in range(data.draw(st.integers(1, 4))):
+        mutated[data.draw(st.integers(0, len(mutated) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        header = StreamHeader.from_bytes(bytes(mutated), Limits(vertices=10**6, faces=10**6))
+    except StreamError:
+        return
+    assert header.vertices <= 10**6

@@ -1,0 +1,55 @@
+"""Streams that tests share: real ones of small meshes, and made-up ones whose payloads mean nothing."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from meshes import grid
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.filters import FilterSpec
+from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
+from meshtide_codec.stream.packets import Packet, PacketKind
+
+
+@cache
+def encoded_grid(side: int = 16, degree: int = 2) -> EncodedMesh:
+    """A small mesh with several levels."""
+    spec = FilterSpec("polynomial", degree=degree)
+    return encode(grid(side), ClassicOptions(bits=8, coarsest_vertices=12, filter=spec))
+
+
+class MadeUpStream:
+    """A stream of random payloads in a valid frame; it can be sent and stored, but not decoded."""
+
+    def __init__(self, lengths: tuple[int, ...] = (100, 5000, 20, 900), seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        kinds = [PacketKind.BASE, *[PacketKind.MAP_CONN, PacketKind.PARAM, PacketKind.DIFF] * len(lengths)]
+        coarsest = (len(lengths) + 1) // 3
+        places = [coarsest, *(coarsest - 1 - i // 3 for i in range(len(lengths)))]
+        self.packets = [
+            Packet(kind, max(level, 0), 0, rng.bytes(length))
+            for kind, level, length in zip(kinds, places, lengths, strict=False)
+        ]
+        table, self.packet_bytes = packet_table(self.packets)
+        levels = tuple(
+            LevelEntry(
+                level=level,
+                packet_count=1
+                if level == coarsest
+                else max(i + 1 for i, p in enumerate(self.packets) if p.level >= level),
+                vertices=1000 >> level,
+                faces=2000 >> level,
+                rms=0.125 * level,
+                maximum=0.25 * level,
+            )
+            for level in range(coarsest, -1, -1)
+        )
+        self.header = StreamHeader("made-up", {"seed": seed}, 12, (0.5, -1.0, 2.0), 3.0, levels, table)
+        self.header_bytes = self.header.to_bytes()
+
+    def packet_part(self, index: int, start: int, end: int) -> memoryview:
+        """As `StreamSource` wants it."""
+        return memoryview(self.packet_bytes[index])[start:end]
