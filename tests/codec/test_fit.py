@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
+from meshtide_codec import fit_kernels
 from meshtide_codec.errors import MeshError
 from meshtide_codec.filters import FilterSpec, basis_columns, coefficient_count, is_safe_denominator, predict
 from meshtide_codec.fit import fit
@@ -148,6 +150,32 @@ def test_a_program_over_many_rows_is_solved_exactly(norm: float) -> None:
             assert length(residual - basis @ (random.normal(size=3) * size)) >= length(residual) * (1 - 1e-5)
 
 
+@pytest.mark.parametrize("preparing_rounds", [0, 12])
+def test_a_least_sum_over_few_rows_in_doubt_is_that_of_the_whole_program(
+    monkeypatch: pytest.MonkeyPatch, preparing_rounds: int
+) -> None:
+    fitting = importlib.import_module("meshtide_codec.fit")
+    monkeypatch.setattr(fitting, "SMALLEST_BAND", 10)
+    monkeypatch.setattr(fitting, "PREPARING_ROUNDS", preparing_rounds)
+    _, extension, target = level_of_torus(20, 30, 64)
+    random = np.random.default_rng(8)
+    basis = np.asfortranarray(np.linalg.qr(random.normal(size=(600, 5)))[0])
+    residual = (target - extension)[:, 0] * random.choice([1.0, 30.0], 600)
+    shares = fitting._least_sum(basis, residual)
+    assert np.abs(residual - basis @ shares).sum() == pytest.approx(reference_sum(basis, residual), rel=1e-7)
+
+
+def test_columns_become_orthonormal_however_alike_they_are() -> None:
+    adjacency, extension, _ = level_of_torus(40, 40, 16)
+    columns = basis_columns(adjacency, extension[:, 1] + 2.0**14, 7, "power")
+    original = columns.copy()
+    triangle = np.zeros((8, 8))
+    assert fit_kernels.orthonormalise(columns, triangle) == 8
+    assert np.abs(columns.T @ columns - np.eye(8)).max() < 1e-13
+    assert not np.tril(triangle, -1).any()
+    np.testing.assert_allclose(columns @ triangle, original, atol=1e-9)
+
+
 def test_the_zeroth_filter_wins_where_no_other_is_more_accurate() -> None:
     """Full cells bound the error of the zeroth filter by half a side, and some vertices attain it on both sides."""
     adjacency, extension, target = level_of_torus(100, 100, 4)
@@ -187,10 +215,15 @@ def test_degenerate_input_gives_modest_coefficients(basis: Basis, norm: float) -
     assert fit(isolated, plane, plane + 5.0, spec).tolist() == [zeroth] * 3
     assert fit(torus, np.zeros((36, 3)), plane, spec).tolist() == [zeroth] * 3
     assert fit(torus, plane, plane, spec)[2].tolist() == zeroth
-    equal = fit(torus, np.full((36, 3), 7.3), np.full((36, 3), 14.6), spec)
-    doubled = predict(torus, np.full((36, 3), 7.3), spec, equal)
-    np.testing.assert_allclose(doubled, 14.6, rtol=1e-6)
+    equal = fit(torus, np.full((36, 3), 0.1), np.full((36, 3), 0.2), spec)
+    doubled = predict(torus, np.full((36, 3), 0.1), spec, equal)
+    np.testing.assert_allclose(doubled, 0.2, rtol=1e-6)
     assert (equal[:, 1:] == 0).all()
+    random = np.random.default_rng(1)
+    irregular = build_adjacency(random.integers(0, 36, (60, 3), dtype=np.int32), 36)
+    assert apply_k(irregular, np.full(36, 0.7)).any()  # rounding noise, which must not become a column
+    noisy = fit(irregular, np.full((36, 3), 0.7), random.normal(size=(36, 3)), spec)
+    assert (noisy[:, 1:] == 0).all()
 
 
 @settings(max_examples=60, deadline=None)
