@@ -1,0 +1,225 @@
+"""Fetch a mesh and wait for it: the plain, blocking way, with what a download needs around it.
+
+Packets are kept in a file beside the output while they arrive, so that a download that was broken off is gone on
+with by the next one; the output itself is replaced only when the mesh is there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import aclosing
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING
+
+from meshtide_client.address import MeshAddress
+from meshtide_client.holding import Holding
+from meshtide_client.partial_file import PartialFile
+from meshtide_client.streaming import Reception
+from meshtide_codec.errors import MeshFileError, OptionError
+from meshtide_codec.files import MESH_SUFFIXES, is_mesh_path, save_mesh
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from meshtide_client.streaming import LevelFigures, ReceivedLevel
+    from meshtide_client.transport import Link
+    from meshtide_codec.limits import Limits
+    from meshtide_codec.mesh import Mesh
+    from meshtide_codec.stream.session import Until
+
+
+@dataclass(frozen=True, slots=True)
+class FetchResult:
+    """What a fetch brought.
+
+    Args:
+        address: where the mesh came from.
+        mesh: its finest level that was asked for.
+        figures: what is known of that level.
+        levels: the same of every level on the way, coarse to fine.
+        received_bytes: bytes of header and packets that came over the network this time.
+        more: whether the stream goes on after what was asked for.
+        seconds: from the start to the end.
+    """
+
+    address: MeshAddress
+    mesh: Mesh
+    figures: LevelFigures
+    levels: tuple[LevelFigures, ...]
+    received_bytes: int
+    more: bool
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """Where a fetch leaves its files.
+
+    Args:
+        output: file of the finest mesh, or None.
+        stream_file: `.tide` file of the packets, kept afterwards, or None.
+        keep_levels: folder for the mesh of each level, or None.
+
+    Raises:
+        MeshFileError: the output's format is unknown.
+    """
+
+    output: Path | None = None
+    stream_file: Path | None = None
+    keep_levels: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.output is not None and not is_mesh_path(self.output):
+            raise MeshFileError(f"cannot write {self.output}: its name must end with one of {_suffixes()}")
+
+    @property
+    def partial_path(self) -> Path | None:
+        """Where packets are kept while they arrive."""
+        if self.stream_file is not None or self.output is None:
+            return self.stream_file
+        return self.output.with_name(f"{self.output.name}.partial.tide")
+
+    def prepare(self) -> None:
+        """Make sure that files can be written before anything is downloaded.
+
+        Raises:
+            OSError: a folder is missing or may not be written.
+        """
+        if self.keep_levels is not None:
+            self.keep_levels.mkdir(parents=True, exist_ok=True)
+        folders = [self.keep_levels] + [file.parent for file in (self.output, self.stream_file) if file is not None]
+        for folder in folders:
+            if folder is not None:
+                _check_writable(folder)
+
+    def open(self, limits: Limits | None, notify: Callable[[str], None] | None) -> Holding:
+        """The holding that packets go into."""
+        path = self.partial_path
+        if path is None:
+            return Holding()
+        return PartialFile(path, limits=limits, notify=notify, disposable=self.stream_file is None)
+
+
+def fetch(
+    url: str,
+    output: Path | str | None = None,
+    *,
+    until: Until | None = None,
+    stream_file: Path | str | None = None,
+    keep_levels: Path | str | None = None,
+    link: Link | None = None,
+    limits: Limits | None = None,
+    on_level: Callable[[ReceivedLevel], None] | None = None,
+    notify: Callable[[str], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> FetchResult:
+    """Fetch the mesh at `url`, and wait until it is there.
+
+    Args:
+        url: the mesh's address, such as ``http://localhost:8000/meshes/stanford-bunny``.
+        output: file to write the mesh to; an existing one is replaced only when all is there. While packets arrive
+            they are kept beside it in a file that ends in ``.partial.tide``; the next fetch goes on from there.
+        until: how much of the mesh is wanted; all when left out.
+        stream_file: a `.tide` file for the packets, which stays; what it holds already is not fetched again.
+        keep_levels: folder to write every level to.
+        link: timeout, retries and rate of the connection.
+        limits: what the stream may claim of memory.
+        on_level: is called with each level as it arrives.
+        notify: is told in one sentence what a person should know, such as that a connection was lost.
+        progress: is called with the bytes of the file that are there, and that there will be.
+
+    Raises:
+        OptionError: `url` is not the address of a mesh, or `until` allows less than the coarsest level.
+        TransferError: there was no connection, or it was lost too often; the message says what is kept.
+        ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
+        StreamError: the stream is damaged or over the limits.
+        MeshFileError, OSError: a file cannot be written.
+    """
+    address = MeshAddress.parse(url)
+    destination = Destination(_path(output), _path(stream_file), _path(keep_levels))
+    destination.prepare()
+    holding = destination.open(limits, notify)
+    try:
+        reception = Reception(
+            address, holding, until=until, link=link, limits=limits, notify=notify, progress=progress
+        )
+        result = _run(_Fetch(address, destination, reception, on_level))
+        if destination.output is not None:
+            _save(result.mesh, destination.output)
+        if isinstance(holding, PartialFile) and destination.stream_file is None:
+            holding.discard()
+    finally:
+        holding.close()
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class _Fetch:
+    """One fetch under way."""
+
+    address: MeshAddress
+    destination: Destination
+    reception: Reception
+    on_level: Callable[[ReceivedLevel], None] | None
+
+    async def result(self) -> FetchResult:
+        """Wait for all levels."""
+        last: ReceivedLevel | None = None
+        levels: list[LevelFigures] = []
+        async with aclosing(self.reception.levels()) as arriving:
+            async for level in arriving:
+                last = level
+                levels.append(level.figures)
+                if self.destination.keep_levels is not None:
+                    name = f"{self.address.file_stem}-level-{level.level}.ply"
+                    await asyncio.to_thread(_save, level.mesh, self.destination.keep_levels / name)
+                if self.on_level is not None:
+                    self.on_level(level)
+        if last is None:
+            raise OptionError(f"the bound is too small for any level; the coarsest takes {self.reception.least} bytes")
+        return FetchResult(
+            address=self.address,
+            mesh=last.mesh,
+            figures=last.figures,
+            levels=tuple(levels),
+            received_bytes=self.reception.received_bytes,
+            more=self.reception.more,
+            seconds=self.reception.seconds,
+        )
+
+
+def _run(under_way: _Fetch) -> FetchResult:
+    """Run to the end, also where an event loop is running already, as in a notebook."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return asyncio.run(under_way.result())
+    with ThreadPoolExecutor(max_workers=1) as executor:
+        return executor.submit(lambda: asyncio.run(under_way.result())).result()
+
+
+def _save(mesh: Mesh, path: Path) -> None:
+    """Write a mesh; an error names the file."""
+    try:
+        save_mesh(mesh, path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def _check_writable(folder: Path) -> None:
+    try:
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OSError(error.errno, f"{error.strerror}; the download was not started", str(folder)) from error
+
+
+def _path(path: Path | str | None) -> Path | None:
+    return None if path is None else Path(path)
+
+
+def _suffixes() -> str:
+    return ", ".join(sorted(MESH_SUFFIXES))

@@ -1,0 +1,223 @@
+"""Levels as they arrive: packets in, meshes out, coarse to fine."""
+
+from __future__ import annotations
+
+import time
+from contextlib import aclosing, closing
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from meshtide_client.address import MeshAddress
+from meshtide_client.arrival import Arrival
+from meshtide_client.decoding_thread import DecodingThread
+from meshtide_client.holding import Holding
+from meshtide_client.partial_file import PartialFile
+from meshtide_client.transport import Link
+from meshtide_codec.decoder import Decoder
+from meshtide_codec.stream.container import PREAMBLE_BYTES
+from meshtide_codec.stream.session import DoneEvent, HeaderEvent, PacketEvent, Until
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncGenerator, Callable, Iterable
+
+    from meshtide_codec.limits import Limits
+    from meshtide_codec.mesh import Mesh
+    from meshtide_codec.stream.packets import Packet
+
+
+@dataclass(frozen=True, slots=True)
+class LevelFigures:
+    """What is known of a level that has arrived, besides its mesh.
+
+    Args:
+        level: its number, 0 the finest.
+        vertices: its vertex count.
+        faces: its face count.
+        exact: whether it is as the encoder made it.
+        rms: root mean square distance from the finest mesh, as a fraction of its bounding box's diagonal.
+        maximum: largest distance, in the same unit.
+        size: bytes of the file up to here: preamble, header and packets.
+        seconds: since the download began.
+    """
+
+    level: int
+    vertices: int
+    faces: int
+    exact: bool
+    rms: float
+    maximum: float
+    size: int
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class ReceivedLevel(LevelFigures):
+    """A level that has arrived: its figures and its mesh.
+
+    Args:
+        mesh: its vertices and faces as arrays.
+    """
+
+    mesh: Mesh
+
+    @property
+    def figures(self) -> LevelFigures:
+        """The figures alone, to be kept when the mesh is not."""
+        return LevelFigures(**{field.name: getattr(self, field.name) for field in fields(LevelFigures)})
+
+
+async def stream(
+    url: str,
+    *,
+    until: Until | None = None,
+    resume: Path | str | None = None,
+    link: Link | None = None,
+    limits: Limits | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> AsyncGenerator[ReceivedLevel, None]:
+    """The levels of the mesh at `url` as they become available, coarse to fine.
+
+    Args:
+        url: the mesh's address, such as ``http://localhost:8000/meshes/stanford-bunny``.
+        until: how much of it is wanted; all when left out.
+        resume: a file where packets are kept as they arrive. What it holds from an earlier download is not
+            fetched again; its levels come first. When the stream is complete it is a whole `.tide` file.
+        link: timeout, retries and rate of the connection.
+        limits: what the stream may claim of memory.
+        notify: is told in one sentence when a connection was lost, a file was damaged, or the stream has changed
+            on the server; in the last case the coarsest level comes again, of the new stream.
+
+    Raises:
+        OptionError: `url` is not the address of a mesh.
+        TransferError: there was no connection, or it was lost too often; what arrived stays in `resume`.
+        ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
+        StreamError: the stream is damaged or over the limits.
+        OSError: `resume` cannot be written.
+
+    Leaving the loop early leaves the connection to the garbage collector; `contextlib.aclosing` closes it at once::
+
+        async with aclosing(meshtide_client.stream(url)) as levels:
+            async for level in levels:
+                if level.rms < 0.001:
+                    break
+    """
+    address = MeshAddress.parse(url)
+    with closing(PartialFile(Path(resume), limits=limits, notify=notify) if resume else Holding()) as holding:
+        reception = Reception(address, holding, until=until, link=link, limits=limits, notify=notify)
+        async with aclosing(reception.levels()) as levels:
+            async for level in levels:
+                yield level
+
+
+class Reception:
+    """One download and its decoder.
+
+    Args:
+        address: the mesh.
+        holding: where packets go, and where earlier ones are.
+        until: how much of the stream is wanted.
+        link: timeout, retries and rate of the connection.
+        limits: what the stream may claim.
+        notify: is told in one sentence what a person should know.
+        progress: is called with the bytes of the file that are there, and that there will be.
+    """
+
+    def __init__(
+        self,
+        address: MeshAddress,
+        holding: Holding,
+        *,
+        until: Until | None = None,
+        link: Link | None = None,
+        limits: Limits | None = None,
+        notify: Callable[[str], None] | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> None:
+        self._until = until or Until()
+        self._limits = limits
+        self._holding = holding
+        self._progress = progress or (lambda _size, _total: None)
+        self._arrival = Arrival(
+            address,
+            holding,
+            until=self._until,
+            link=link or Link(),
+            notify=notify or (lambda _: None),
+            limits=limits,
+        )
+        self._decoder: Decoder | None = None
+        self._decoded = 0
+        self._wanted = 0
+        self._started = time.monotonic()
+        self.more = True
+        """Whether the stream goes on after what was asked for; known at the end."""
+
+    @property
+    def received_bytes(self) -> int:
+        """Bytes of header and packets that have come over the network."""
+        return self._arrival.received_bytes
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the download began."""
+        return time.monotonic() - self._started
+
+    @property
+    def least(self) -> int:
+        """Bytes of the file that the coarsest level takes; 0 while the header is not there."""
+        header = self._holding.header
+        return 0 if header is None else self._file_size(header.level_bytes(header.levels[0]))
+
+    async def levels(self) -> AsyncGenerator[ReceivedLevel, None]:
+        """The levels as they become complete; see `stream` for what is raised."""
+        with closing(DecodingThread()) as thread:
+            async with aclosing(self._arrival.events()) as events:
+                async for event in events:
+                    for packet in self._new_packets(event):
+                        for level in await thread.run(self._decode, packet):
+                            yield level
+
+    def _new_packets(self, event: HeaderEvent | PacketEvent | DoneEvent) -> Iterable[Packet]:
+        """The packets that `event` makes available for decoding."""
+        packets: Iterable[Packet] = ()
+        if isinstance(event, DoneEvent):
+            self.more = event.more
+        elif isinstance(event, PacketEvent):
+            packets = [event.packet]
+        elif self._decoder is None or not event.resumed:
+            self._decoder = Decoder(event.header, self._limits)
+            self._decoded = 0
+            self._wanted = self._until.packet_count(event.header, len(event.header_bytes))
+            packets = list(self._holding.stored_packets())[: self._wanted]
+        header = self._holding.header
+        if header is not None:
+            total = self._file_size(int(header.packet_offsets[self._wanted]))
+            self._progress(min(self._holding.size, total), total)
+        return packets
+
+    def _decode(self, packet: Packet) -> list[ReceivedLevel]:
+        """The levels that `packet`, the next one, completes."""
+        assert self._decoder is not None  # noqa: S101 - the header comes first
+        decoder = self._decoder
+        decoder.push(packet)
+        self._decoded += 1
+        completed = [row for row in decoder.header.levels if row.packet_count == self._decoded]
+        return [
+            ReceivedLevel(
+                level=row.level,
+                vertices=row.vertices,
+                faces=row.faces,
+                exact=decoder.is_exact(row.level),
+                rms=row.rms,
+                maximum=row.maximum,
+                size=self._file_size(decoder.header.level_bytes(row)),
+                seconds=self.seconds,
+                mesh=decoder.mesh(row.level),
+            )
+            for row in completed
+        ]
+
+    def _file_size(self, packet_bytes: int) -> int:
+        """Bytes of the file whose packets have so many."""
+        return PREAMBLE_BYTES + len(self._holding.header_bytes) + packet_bytes

@@ -1,0 +1,201 @@
+"""One connection to a server: a websocket around a client session.
+
+Frames are taken off the socket by a task of their own, so that pings are answered and the link stays busy while the
+caller decodes; what may pile up is bounded by the credit that the session grants. Every way in which a network fails
+becomes a TransferError, every way in which the other side turns out to be something else a ProtocolError.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage, InvalidStatus, WebSocketException
+
+from meshtide_codec.errors import OptionError, PeerError, ProtocolError, StreamError, TransferError
+from meshtide_codec.stream.messages import LARGEST_MESSAGE
+from meshtide_codec.stream.session import DEFAULT_WINDOW, error_frame
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncGenerator
+
+    from websockets.asyncio.client import ClientConnection
+
+    from meshtide_client.address import MeshAddress
+    from meshtide_codec.stream.session import ClientSession, Event
+
+_PING_SECONDS = 20.0
+_CLOSE_SECONDS = 2.0
+_BUSY_STATUSES = frozenset({429, 500, 502, 503, 504})
+_BREACH_CODES = frozenset({1002, 1007, 1009})
+"""Close codes with which this side ends a connection whose frames are malformed or too large."""
+_ERROR_NUMBER = re.compile(r"\[Errno (\d+)\]")
+_BACKLOG_WINDOWS = 8
+"""A backlog longer than so many windows means that the server ignores the credit; framing of small packets is
+what makes an honest one longer than a window."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """How a client treats its connection.
+
+    Args:
+        timeout: seconds without any news after which the connection is taken for lost, and for opening it.
+        retries: how often a lost connection is opened again before giving up; packets that arrive reset the count.
+        delay: seconds before the first retry; each further one waits twice as long.
+        longest_delay: bound of that.
+        window: bytes in flight that the server is allowed.
+        rate: bytes a second at which frames are taken, to see a slow link on a fast one; None for no bound.
+
+    Raises:
+        OptionError: a value that makes no sense.
+    """
+
+    timeout: float = 30.0
+    retries: int = 5
+    delay: float = 0.5
+    longest_delay: float = 10.0
+    window: int = DEFAULT_WINDOW
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("timeout", "delay", "longest_delay", "window"):
+            if not getattr(self, name) > 0:
+                raise OptionError(f"the {name.replace('_', ' ')} of a link must be positive, not {getattr(self, name)}")
+        if self.retries < 0:
+            raise OptionError(f"the retries of a link must not be negative: {self.retries}")
+        if self.rate is not None and not self.rate > 0:
+            raise OptionError(f"the rate of a link must be positive, not {self.rate}")
+
+
+async def receive_events(address: MeshAddress, session: ClientSession, link: Link) -> AsyncGenerator[Event, None]:
+    """The events of `session` over one connection to `address`, until it is finished; close it to hang up early.
+
+    Raises:
+        TransferError: there is no connection, or it was lost.
+        ProtocolError: something answers that is not a meshtide server.
+        PeerError: the server refused.
+        StreamError: header or packet are damaged or over the limits.
+    """
+    socket = await _open(address, link)
+    backlog = _Backlog(_BACKLOG_WINDOWS * link.window)
+    pump = asyncio.create_task(backlog.fill(socket))
+    started = time.monotonic()
+    try:
+        await _send(socket, session.hello())
+        while not session.finished:
+            frame = await backlog.next(address, link.timeout)
+            events = session.receive(frame)
+            if (grant := session.credit_frame()) is not None:
+                await _send(socket, grant)
+            if link.rate is not None:
+                await asyncio.sleep(started + session.received_bytes / link.rate - time.monotonic())
+            for event in events:
+                yield event
+    except PeerError:
+        raise
+    except (ProtocolError, StreamError) as error:
+        with suppress(WebSocketException, OSError):
+            await socket.send(error_frame("protocol", str(error)))
+        raise
+    finally:
+        pump.cancel()
+        await socket.close()
+
+
+class _Backlog:
+    """Frames that have arrived and wait for the session."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._bytes = 0
+        self._queue: asyncio.Queue[bytes | str | Exception] = asyncio.Queue()
+
+    async def fill(self, socket: ClientConnection) -> None:
+        """Take frames off `socket` until it is closed."""
+        try:
+            while self._bytes <= self._limit:
+                frame = await socket.recv()
+                self._bytes += len(frame)
+                self._queue.put_nowait(frame)
+            self._queue.put_nowait(ProtocolError("the server sends more than it was allowed"))
+        except ConnectionClosed as error:
+            self._queue.put_nowait(error)
+
+    async def next(self, address: MeshAddress, timeout: float) -> bytes | str:  # noqa: ASYNC109 - silence, not work
+        """The next frame, at most `timeout` seconds from now."""
+        try:
+            async with asyncio.timeout(timeout):
+                frame = await self._queue.get()
+        except TimeoutError:
+            raise TransferError(f"nothing came from {address.server} for {timeout:g} seconds") from None
+        if isinstance(frame, ConnectionClosed):
+            raise _closed(frame, address) from frame
+        if isinstance(frame, Exception):
+            raise frame
+        self._bytes -= len(frame)
+        return frame
+
+
+async def _open(address: MeshAddress, link: Link) -> ClientConnection:
+    try:
+        return await connect(
+            address.stream_url,
+            compression=None,  # packets are compressed
+            max_size=LARGEST_MESSAGE,
+            open_timeout=link.timeout,
+            ping_interval=_PING_SECONDS,
+            ping_timeout=link.timeout,
+            close_timeout=_CLOSE_SECONDS,
+            proxy=None if address.server.is_loopback else True,
+        )
+    except InvalidStatus as error:
+        status = error.response.status_code
+        if status in _BUSY_STATUSES:
+            raise TransferError(f"{address.server} is not available now (HTTP status {status})") from error
+        raise ProtocolError(
+            f"{address.stream_url} answered with HTTP status {status} instead of a stream; check the address"
+        ) from error
+    except InvalidMessage as error:
+        if isinstance(error.__cause__, EOFError):
+            raise TransferError(f"{address.server} closed the connection before it was open") from error
+        raise ProtocolError(f"what answers at {address.server} is not a web server; check the address") from error
+    except InvalidHandshake as error:
+        raise ProtocolError(f"{address.stream_url} does not answer as a websocket: {error}") from error
+    except TimeoutError as error:
+        raise TransferError(f"{address.server} did not answer within {link.timeout:g} seconds") from error
+    except (OSError, WebSocketException) as error:
+        raise TransferError(f"cannot connect to {address.server}: {_reason(error)}") from error
+
+
+async def _send(socket: ClientConnection, frame: bytes) -> None:
+    with suppress(ConnectionClosed):  # what the server said before it closed, and that it did, comes from the backlog
+        await socket.send(frame)
+
+
+def _closed(error: ConnectionClosed, address: MeshAddress) -> TransferError | ProtocolError:
+    """What the end of a connection means."""
+    if error.sent is not None and not error.rcvd_then_sent and error.sent.code in _BREACH_CODES:
+        return ProtocolError(f"{address.server} does not keep to the protocol: {error.sent.reason or error}")
+    if error.rcvd is None:
+        reason = "it closed without a word" if error.sent is None else str(error.sent.reason or error)
+    else:
+        reason = f"closed with code {error.rcvd.code}" + (f": {error.rcvd.reason}" if error.rcvd.reason else "")
+    return TransferError(f"the connection to {address.server} was lost ({reason})")
+
+
+def _reason(error: Exception) -> str:
+    """Why a connection could not be opened, in the system's words without its numbers and brackets.
+
+    >>> _reason(ConnectionRefusedError(111, "Connect call failed ('127.0.0.1', 9)")) == os.strerror(111)
+    True
+    """
+    text = str(error)
+    number = _ERROR_NUMBER.search(text)  # several addresses of one host come back as one text
+    return os.strerror(int(number[1])) if number and "Connect call failed" in text else text or type(error).__name__
