@@ -1,0 +1,14 @@
+"""`python -m meshtide_server`: the command `serve` by itself."""
+
+from __future__ import annotations
+
+import typer
+
+from meshtide_codec.command_line import run
+from meshtide_server.commands import register
+
+app = typer.Typer(add_completion=False)
+register(app)
+
+if __name__ == "__main__":
+    run(app)

@@ -1,0 +1,94 @@
+"""The command `serve`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
+
+def register(app: typer.Typer) -> None:
+    """Add this package's commands to `app`."""
+    app.command()(serve)
+
+
+def serve(
+    directory: Annotated[
+        Path | None, typer.Argument(help="Folder of .tide files and mesh files (ply, obj, off, stl, glb, gltf).")
+    ] = None,
+    samples: Annotated[bool | None, typer.Option("--samples", help="Host the meshes that come with meshtide.")] = None,
+    host: Annotated[str | None, typer.Option(help="Address to listen on.", show_default="127.0.0.1")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Port to listen on; 0 takes a free one.", show_default="8000", min=0, max=65535)
+    ] = None,
+    cache: Annotated[
+        Path | None,
+        typer.Option(help="Folder for encoded streams.", show_default="beside the meshes, else the user's cache"),
+    ] = None,
+    bits: Annotated[
+        int | None, typer.Option(help="Bits per coordinate for meshes encoded here.", show_default="12")
+    ] = None,
+    allow_origin: Annotated[
+        list[str] | None, typer.Option(help="Web origin whose pages may read the meshes; * for all. May be repeated.")
+    ] = None,
+    hello_timeout: Annotated[
+        float | None, typer.Option(help="Seconds a client has to ask for its mesh.", show_default="10")
+    ] = None,
+    stall_timeout: Annotated[
+        float | None, typer.Option(help="Seconds a stream may stand still.", show_default="300")
+    ] = None,
+    rescan_seconds: Annotated[
+        float | None,
+        typer.Option(help="How often to look for new and changed files; 0: never.", show_default="5"),
+    ] = None,
+    log_level: Annotated[str | None, typer.Option(help="debug, info, warning or error.", show_default="info")] = None,
+    announce: Annotated[
+        bool, typer.Option("--announce", help='Print {"url": ...} on standard output once the server listens.')
+    ] = False,
+    ready_file: Annotated[
+        Path | None, typer.Option(help="Write the same to this file; it is removed when the server stops.")
+    ] = None,
+) -> None:
+    """Host meshes: each one is encoded once, then served as a file and as a stream.
+
+    Options can also be set by environment variables, such as MESHTIDE_PORT; arguments win.
+    SIGTERM ends the server with exit code 0, Ctrl-C with 130.
+    """
+    from pydantic import ValidationError
+
+    from meshtide_server.serving import run, set_up_log
+    from meshtide_server.settings import Settings
+
+    given: dict[str, Any] = {
+        "directory": directory,
+        "samples": samples,
+        "host": host,
+        "port": port,
+        "cache": cache,
+        "bits": bits,
+        "allowed_origins": tuple(allow_origin) if allow_origin else None,
+        "hello_timeout": hello_timeout,
+        "stall_timeout": stall_timeout,
+        "rescan_seconds": rescan_seconds,
+        "log_level": log_level,
+    }
+    try:
+        settings = Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        raise typer.BadParameter(explanation(error)) from None
+    set_up_log(settings.log_level)
+    raise typer.Exit(run(settings, announce=announce, ready_file=ready_file))
+
+
+def explanation(error: ValidationError) -> str:
+    """What is wrong with the settings, in one line."""
+    parts = []
+    for detail in error.errors():
+        name = ".".join(str(part) for part in detail["loc"])
+        message = detail["msg"].removeprefix("Value error, ")
+        parts.append(f"{name}: {message}" if name else message)
+    return "; ".join(parts)

@@ -1,0 +1,61 @@
+"""The whole `.tide` file, or a range of it, as an HTTP answer that is read from the disk as fast as it is taken."""
+
+from __future__ import annotations
+
+import asyncio
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+
+from fastapi.responses import Response, StreamingResponse
+
+from meshtide_codec.errors import StreamError
+from meshtide_server.problems import RefusedError, problem_response
+from meshtide_server.ranges import plan
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Mapping
+
+    from meshtide_server.hosted_stream import HostedStream, OpenStream
+
+MEDIA_TYPE = "application/x-tide"
+CHUNK = 1 << 18
+"""Bytes read at a time; each read is made in a thread, for a disk may be slow."""
+
+
+def download(stream: HostedStream, method: str, headers: Mapping[str, str]) -> Response:
+    """The answer to a GET or HEAD request for the file of `stream`.
+
+    Raises:
+        RefusedError: the file is gone or has changed.
+    """
+    planned = plan(method, headers, stream.etag, stream.size)
+    common = {
+        "ETag": stream.etag,
+        "Accept-Ranges": "bytes",
+        "Cache-Control": "no-cache, no-transform",  # ask again each time; compressing it would break ranges
+    }
+    if planned.status == HTTPStatus.NOT_MODIFIED:
+        return Response(status_code=planned.status, headers=common)
+    if planned.status == HTTPStatus.PRECONDITION_FAILED:
+        return problem_response(planned.status, "changed", "the stream is not the one that If-Match names", common)
+    if planned.status == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+        common["Content-Range"] = f"bytes */{stream.size}"
+        message = f"the range lies outside of the stream's {stream.size} bytes"
+        return problem_response(planned.status, "range-not-satisfiable", message, common)
+    if planned.status == HTTPStatus.PARTIAL_CONTENT:
+        common["Content-Range"] = f"bytes {planned.start}-{planned.end - 1}/{stream.size}"
+    common["Content-Length"] = str(planned.end - planned.start)
+    if method == "HEAD":
+        return Response(status_code=planned.status, headers=common, media_type=MEDIA_TYPE)
+    try:
+        opened = stream.open()
+    except StreamError as error:
+        raise RefusedError(HTTPStatus.SERVICE_UNAVAILABLE, "not-ready", str(error), retry_after=1) from error
+    body = _body(opened, planned.start, planned.end)
+    return StreamingResponse(body, planned.status, common, MEDIA_TYPE)
+
+
+async def _body(opened: OpenStream, start: int, end: int) -> AsyncIterator[bytes]:
+    with opened:
+        for position in range(start, end, CHUNK):
+            yield await asyncio.to_thread(opened.read, position, min(position + CHUNK, end))

@@ -1,0 +1,135 @@
+"""The encoder's process: takes jobs from standard input, encodes, and reports on standard output.
+
+It is a process of its own because encoding keeps a processor busy for seconds and compiles kernels, while the server
+has to answer; because it can be ended at any time; and because a mesh that brings it down brings nothing else down.
+Run by `encoder_process` as `python -m meshtide_server.encoding`. Both directions are lines of JSON; the line of a
+stream that could be stored nowhere is followed by its bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+if TYPE_CHECKING:
+    from meshtide_codec.mesh import Mesh
+
+REPORT_SECONDS = 0.1
+"""Progress is reported at most this often, unless a stage begins."""
+NICENESS = 10
+"""How far encoding steps back behind serving where processors are scarce."""
+
+
+class Reporter:
+    """Writes the lines that the server reads."""
+
+    def __init__(self, output: BinaryIO) -> None:
+        self._output = output
+        self._stage = ""
+        self._reported = 0.0
+
+    def progress(self, stage: str, fraction: float) -> None:
+        """Report how far the job is; called by the encoder as often as it likes."""
+        now = time.monotonic()
+        if stage != self._stage or now - self._reported >= REPORT_SECONDS:
+            self._stage, self._reported = stage, now
+            self.send({"event": "progress", "stage": stage, "fraction": fraction})
+
+    def send(self, event: dict[str, Any], data: bytes = b"") -> None:
+        """Write one line, and what follows it."""
+        self._output.write(json.dumps(event).encode() + b"\n" + data)
+        self._output.flush()
+
+
+def main() -> None:
+    """Do jobs until standard input ends."""
+    output = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # whatever a library prints must not end up among the reports
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
+    reporter = Reporter(output)
+    try:
+        for line in sys.stdin.buffer:
+            _work(json.loads(line), reporter)
+    except BrokenPipeError:
+        os._exit(1)  # the server is gone; nobody is left to tell
+
+
+def _work(job: dict[str, Any], reporter: Reporter) -> None:
+    try:
+        data = _encode(job, reporter)
+        path, problems = _store(data, [Path(target) for target in job["targets"]])
+    except BrokenPipeError:
+        raise
+    except Exception as error:  # noqa: BLE001 - one bad mesh must not stop the others
+        reporter.send({"event": "failed", "reason": _reason(error)})
+        return
+    rest = b"" if path else data
+    reporter.send(
+        {"event": "done", "path": str(path) if path else None, "problems": problems, "bytes": len(rest)}, rest
+    )
+
+
+def _encode(job: dict[str, Any], reporter: Reporter) -> bytes:
+    reporter.progress("load the encoder", 0.0)
+    from meshtide_codec.classic.options import ClassicOptions  # noqa: PLC0415 - heavy, only of use in this process
+    from meshtide_codec.compilation import announced_compilation  # noqa: PLC0415 - the same
+    from meshtide_codec.encoder import encode  # noqa: PLC0415 - the same
+
+    reporter.progress("read the mesh", 0.0)
+    mesh = _load(job)
+    with announced_compilation(lambda: reporter.progress("compile kernels, first run only", 0.0)):
+        return encode(mesh, ClassicOptions(bits=job["bits"]), progress=reporter.progress).to_bytes()
+
+
+def _load(job: dict[str, Any]) -> Mesh:
+    from meshtide_codec.errors import MeshFileError  # noqa: PLC0415 - with the rest of the codec
+    from meshtide_codec.files import load_mesh  # noqa: PLC0415 - the same
+    from meshtide_codec.samples import load_sample  # noqa: PLC0415 - the same
+    from meshtide_server.stream_cache import file_digest  # noqa: PLC0415 - the same
+
+    if job["sample"] is not None:
+        return load_sample(job["sample"])
+    path = Path(job["file"])
+    mesh = load_mesh(path)
+    if file_digest(path) != job["digest"]:
+        raise MeshFileError(f"{path} was changed while it was read")
+    return mesh
+
+
+def _store(data: bytes, targets: list[Path]) -> tuple[Path | None, list[str]]:
+    """Write `data` to the first target that takes it; returns it, and why the others did not."""
+    from meshtide_codec.files import write_atomically  # noqa: PLC0415 - loads trimesh's module late
+
+    problems: list[str] = []
+    for target in targets:
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(target, data)
+        except OSError as error:
+            problems.append(f"{target.parent}: {error.strerror or error}")
+        else:
+            return target, problems
+    return None, problems
+
+
+def _reason(error: Exception) -> str:
+    from meshtide_codec.errors import MeshtideError  # noqa: PLC0415 - with the rest of the codec
+
+    if isinstance(error, MeshtideError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "the mesh does not fit into memory"
+    if isinstance(error, OSError):
+        return f"{error.filename or 'the mesh'}: {error.strerror or error}"
+    traceback.print_exception(error)  # to standard error: this is a fault of the encoder
+    return f"the encoder failed: {type(error).__name__}: {error}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,302 @@
+"""The library: all hosted meshes, found in a folder, checked, encoded where needed, and looked at again now and then.
+
+Three tasks work side by side: one looks for new, changed and vanished files; one checks streams and finds cached
+ones, in a thread; one has the remaining meshes encoded, one after the other, in the encoder's process. A mesh that
+fails says so in its state and stops nobody.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import tempfile
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from meshtide_codec.errors import MeshtideError
+from meshtide_codec.files import is_mesh_path
+from meshtide_codec.samples import sample_names
+from meshtide_server.encoder_process import EncoderProcess, Job
+from meshtide_server.hosted_mesh import TIDE_SUFFIX, HostedMesh, Source
+from meshtide_server.hosted_stream import HostedStream, StoppedError, load_stream
+from meshtide_server.identifiers import unique_id
+from meshtide_server.storage import FileIdentity, FileStorage, MemoryStorage, Storage
+from meshtide_server.stream_cache import (
+    CachePlace,
+    EncodingOptions,
+    cache_folders,
+    file_digest,
+    name_prefix,
+    stream_key,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from meshtide_server.settings import Settings
+
+logger = logging.getLogger("meshtide.server")
+
+Result = TypeVar("Result")
+
+REPORT_SECONDS = 5.0
+"""Progress within a stage is logged at most this often."""
+
+
+class Library:
+    """The meshes of one server.
+
+    Args:
+        settings: what is hosted and how.
+
+    Call `start` and, at the end, `stop`; between the two, meshes appear and their states advance by themselves.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._options = EncodingOptions(bits=settings.bits)
+        self._meshes: dict[str, HostedMesh] = {}
+        self._to_check: asyncio.Queue[HostedMesh] = asyncio.Queue()
+        self._to_encode: asyncio.Queue[tuple[HostedMesh, CachePlace, str]] = asyncio.Queue()
+        self._unfinished = 0
+        self._settled = asyncio.Event()
+        self._tasks: list[asyncio.Task[None]] = []
+        self._encoder = EncoderProcess()
+        self._stopping = False
+        self._scratch = ExitStack()
+        self._folders: dict[Path | None, tuple[Path, ...]] = {}
+
+    @property
+    def meshes(self) -> Sequence[HostedMesh]:
+        """All of them, in the order of their ids."""
+        return sorted(self._meshes.values(), key=lambda mesh: mesh.id)
+
+    def find(self, identifier: str) -> HostedMesh | None:
+        """The mesh with that id."""
+        return self._meshes.get(identifier)
+
+    async def start(self) -> None:
+        """Find the meshes and begin to work on them."""
+        for name in sample_names() if self._settings.samples else ():
+            self._add(Source(name))
+        await self._scan_safely(settle=False)
+        if not self._meshes:
+            logger.warning("there are no meshes in %s", self._settings.directory)
+        self._tasks = [
+            asyncio.create_task(self._check_all(), name="check streams"),
+            asyncio.create_task(self._encode_all(), name="encode meshes"),
+        ]
+        if self._settings.directory is not None and self._settings.rescan_seconds > 0:
+            self._tasks.append(asyncio.create_task(self._rescan(), name="look for files"))
+        self._note_if_settled()
+
+    async def stop(self) -> None:
+        """End what is under way; nothing half done is left on the disk."""
+        self._stopping = True
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._encoder.close()
+        await asyncio.to_thread(self._scratch.close)
+
+    async def settled(self) -> None:
+        """Wait until every mesh that is known by then is ready or has failed."""
+        await self._settled.wait()
+
+    def _add(self, source: Source, identifier: str | None = None) -> None:
+        stem, suffix = (source.path.stem, source.path.suffix) if source.path else (source.name, "-sample")
+        mesh = HostedMesh(identifier or unique_id(stem, suffix, self._meshes), source)
+        self._meshes[mesh.id] = mesh
+        self._unfinished += 1
+        self._settled.clear()
+        self._to_check.put_nowait(mesh)
+
+    def _note_if_settled(self) -> None:
+        if self._unfinished == 0:
+            self._settled.set()
+
+    def _finish(self, mesh: HostedMesh, outcome: HostedStream | str) -> None:
+        """Note the stream of `mesh`, or why there is none."""
+        if isinstance(outcome, HostedStream):
+            mesh.succeed(outcome)
+            logger.info(
+                "%s is ready: %d vertices, %d faces, %d levels, %d bytes",
+                mesh.id,
+                outcome.header.vertices,
+                outcome.header.faces,
+                len(outcome.header.levels),
+                outcome.size,
+            )
+        else:
+            mesh.fail(outcome)
+            logger.error("%s cannot be served: %s", mesh.id, outcome)
+        self._unfinished -= 1
+        self._note_if_settled()
+
+    # Looking for files
+
+    async def _rescan(self) -> None:
+        while True:
+            await asyncio.sleep(self._settings.rescan_seconds)
+            await self._scan_safely(settle=True)
+
+    async def _scan_safely(self, *, settle: bool) -> None:
+        try:
+            await self._scan(settle=settle)
+        except OSError as error:
+            logger.warning("cannot look into %s: %s", self._settings.directory, error.strerror or error)
+
+    async def _scan(self, *, settle: bool) -> None:
+        """Compare the folder with what is known; with `settle`, leave files alone that are still being written."""
+        directory = self._settings.directory
+        if directory is None:
+            return
+        found = await asyncio.to_thread(_list_sources, directory)
+        if settle and any(self._is_news(source) for source in found):
+            await asyncio.sleep(min(1.0, self._settings.rescan_seconds))
+            before = {source.path: source.identity for source in found}
+            again = await asyncio.to_thread(_list_sources, directory)
+            growing = {source.path for source in again if before.get(source.path) != source.identity}
+        else:
+            again, growing = found, set()
+        known = {mesh.source.path: mesh for mesh in self._meshes.values()}
+        for path in known.keys() - {source.path for source in again} - {None}:
+            logger.info("%s is gone", known[path].id)
+            del self._meshes[known[path].id]
+        for source in again:
+            if source.path not in growing and self._is_news(source):
+                mesh = known.get(source.path)
+                self._add(source, mesh.id if mesh else None)
+
+    def _is_news(self, source: Source) -> bool:
+        """Whether a file is new or changed, or the stream that was made of it is gone."""
+        for mesh in self._meshes.values():
+            if mesh.source.path == source.path:
+                lost = mesh.stream is not None and not mesh.stream.storage.unchanged()
+                return mesh.source.identity != source.identity or lost
+        return True
+
+    # Checking streams
+
+    async def _check_all(self) -> None:
+        while True:
+            mesh = await self._to_check.get()
+            mesh.advance("check")
+            try:
+                await self._check(mesh)
+            except (MeshtideError, OSError) as error:
+                self._finish(mesh, str(error))
+            except Exception as error:
+                logger.exception("while %s was checked", mesh.id)
+                self._finish(mesh, f"internal error: {type(error).__name__}")
+
+    async def _check(self, mesh: HostedMesh) -> None:
+        path = mesh.source.path
+        if mesh.source.is_stream and path is not None:
+            self._finish(mesh, await self._in_thread(lambda: self._load(FileStorage(path))))
+            return
+        place, digest = await self._in_thread(lambda: self._cache_place(mesh.source))
+        stream = await self._in_thread(lambda: self._from_cache(place))
+        if stream is not None:
+            self._finish(mesh, stream)
+            await self._in_thread(place.prune)
+        else:
+            mesh.advance("waiting")
+            self._to_encode.put_nowait((mesh, place, digest))
+
+    def _load(self, storage: Storage) -> HostedStream:
+        return load_stream(storage, stopping=lambda: self._stopping)
+
+    def _cache_place(self, source: Source) -> tuple[CachePlace, str]:
+        digest = file_digest(source.path, lambda: self._stopping) if source.path else f"sample {source.name}"
+        directory = source.path.parent if source.path else None
+        if directory not in self._folders:
+            self._folders[directory] = cache_folders(directory, self._settings.cache, self._make_scratch)
+        place = CachePlace(
+            self._folders[directory], name_prefix(source.name, self._options), stream_key(digest, self._options)
+        )
+        return place, digest
+
+    def _make_scratch(self) -> Path:
+        return Path(self._scratch.enter_context(tempfile.TemporaryDirectory(prefix="meshtide-")))
+
+    def _from_cache(self, place: CachePlace) -> HostedStream | None:
+        path = place.find()
+        if path is None:
+            return None
+        try:
+            return self._load(FileStorage(path))
+        except (MeshtideError, OSError) as error:
+            logger.warning("%s is damaged and will be made anew: %s", path, error)
+            with suppress(OSError):
+                path.unlink()
+            return None
+
+    async def _in_thread(self, work: Callable[[], Result]) -> Result:
+        try:
+            return await asyncio.to_thread(work)
+        except StoppedError:
+            raise asyncio.CancelledError from None
+
+    # Encoding
+
+    async def _encode_all(self) -> None:
+        while True:
+            mesh, place, digest = await self._to_encode.get()
+            if self._meshes.get(mesh.id) is not mesh:  # removed or replaced while it waited
+                self._unfinished -= 1
+                self._note_if_settled()
+                continue
+            try:
+                await self._encode(mesh, place, digest)
+            except (MeshtideError, OSError) as error:
+                self._finish(mesh, str(error))
+            except Exception as error:
+                logger.exception("while %s was encoded", mesh.id)
+                self._finish(mesh, f"internal error: {type(error).__name__}")
+            if self._unfinished == 0:
+                await self._encoder.close()  # it holds memory, and there is nothing for it to do
+
+    async def _encode(self, mesh: HostedMesh, place: CachePlace, digest: str) -> None:
+        source = mesh.source
+        job = Job(source.path, None if source.path else source.name, digest, self._options, place.paths)
+        started = time.monotonic()
+        encoded = await self._encoder.encode(job, _ProgressLog(mesh))
+        logger.info("%s was encoded in %.1f s", mesh.id, time.monotonic() - started)
+        for problem in encoded.problems:
+            logger.warning("the stream of %s cannot be stored in %s", mesh.id, problem)
+        if encoded.path is None:
+            logger.warning("the stream of %s is kept in memory until the server stops, then lost", mesh.id)
+        storage = FileStorage(encoded.path) if encoded.path else MemoryStorage(encoded.data)
+        self._finish(mesh, await self._in_thread(lambda: self._load(storage)))
+        await self._in_thread(place.prune)
+
+
+class _ProgressLog:
+    """Notes progress in a mesh's state, and the stages of it in the log."""
+
+    def __init__(self, mesh: HostedMesh) -> None:
+        self._mesh = mesh
+        self._logged = 0.0
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        now = time.monotonic()
+        if stage != self._mesh.stage or now - self._logged >= REPORT_SECONDS:
+            self._logged = now
+            logger.info("%s is being encoded: %s, %.0f %%", self._mesh.id, stage, 100 * fraction)
+        self._mesh.advance(stage, fraction)
+
+
+def _list_sources(directory: Path) -> list[Source]:
+    """The streams and meshes in a folder, streams first, in the order of their names; hidden files are left out."""
+    sources = []
+    for path in directory.iterdir():
+        is_stream = path.suffix.lower() == TIDE_SUFFIX
+        if path.name.startswith(".") or not (is_stream or is_mesh_path(path)):
+            continue
+        with suppress(OSError):  # it may vanish while we look
+            if path.is_file():
+                sources.append(Source(path.name, path, FileIdentity.of(path.stat())))
+    return sorted(sources, key=lambda source: (not source.is_stream, source.name))

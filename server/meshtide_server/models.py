@@ -1,0 +1,236 @@
+"""What the HTTP interface says, as pydantic models: they make the JSON and its description."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from meshtide_server.hosted_mesh import Status  # noqa: TC001 - pydantic reads the annotations
+
+if TYPE_CHECKING:
+    from meshtide_server.hosted_mesh import HostedMesh
+    from meshtide_server.hosted_stream import HostedStream
+
+_SUMMARY: dict[str, JsonValue] = {
+    "id": "stanford-bunny",
+    "name": "stanford-bunny.ply",
+    "status": "ready",
+    "stage": None,
+    "progress": 1.0,
+    "reason": None,
+    "vertices": 34834,
+    "faces": 69451,
+    "levels": 6,
+    "bytes": 94120,
+}
+_LEVEL: dict[str, JsonValue] = {
+    "level": 0,
+    "packets": 16,
+    "bytes": 94120,
+    "vertices": 34834,
+    "faces": 69451,
+    "rms": 0.0,
+    "maximum": 0.0,
+}
+_PACKET: dict[str, JsonValue] = {
+    "index": 0,
+    "kind": "Base",
+    "level": 5,
+    "slice": 0,
+    "offset": 412,
+    "length": 1630,
+    "checksum": "1f0c3a77",
+}
+
+
+class Problem(BaseModel):
+    """Why a request could not be answered."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"error": "unknown-mesh", "message": "there is no mesh 'teapot'; GET /meshes lists them all"}]
+        }
+    )
+
+    error: str = Field(description="Short code, for programs.")
+    message: str = Field(description="What is wrong and what to do, for people.")
+
+
+class Health(BaseModel):
+    """That the server answers, and how its meshes are."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"status": "ok", "version": "0.1.0", "meshes": {"ready": 3, "encoding": 1, "failed": 0}}]
+        }
+    )
+
+    status: Literal["ok"] = "ok"
+    version: str
+    meshes: dict[str, int] = Field(description="How many meshes are in which state.")
+
+
+class Index(BaseModel):
+    """Where everything is."""
+
+    name: str = "meshtide"
+    version: str
+    meshes: str = "/meshes"
+    documentation: str = "/docs"
+
+
+class MeshSummary(BaseModel):
+    """One hosted mesh."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_SUMMARY]})
+
+    id: str = Field(description="Its id in URLs.")
+    name: str = Field(description="Name of its file or sample.")
+    status: Status = Field(description="Whether it can be fetched yet.")
+    stage: str | None = Field(description="What is being done, while it is encoding.")
+    progress: float = Field(description="The fraction of that stage that is done; 1 when ready.", ge=0.0, le=1.0)
+    reason: str | None = Field(description="Why it failed.")
+    vertices: int | None = Field(description="Vertices of the finest level, once known.")
+    faces: int | None = Field(description="Faces of the finest level, once known.")
+    levels: int | None = Field(description="How many states the stream can show, once known.")
+    bytes: int | None = Field(description="Size of the whole stream, once known.")
+
+    @classmethod
+    def of(cls, mesh: HostedMesh) -> MeshSummary:
+        """The summary of `mesh`."""
+        stream = mesh.stream
+        return cls(
+            id=mesh.id,
+            name=mesh.source.name,
+            status=mesh.status,
+            stage=mesh.stage or None,
+            progress=mesh.progress,
+            reason=mesh.reason,
+            vertices=stream.header.vertices if stream else None,
+            faces=stream.header.faces if stream else None,
+            levels=len(stream.header.levels) if stream else None,
+            bytes=stream.size if stream else None,
+        )
+
+
+class Level(BaseModel):
+    """One state that a client can show."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_LEVEL]})
+
+    level: int = Field(description="Its number; 0 is the finest.")
+    packets: int = Field(description="How many packets, from the first, it needs.")
+    bytes: int = Field(description="How much of the .tide file, from its start, it needs.")
+    vertices: int
+    faces: int
+    rms: float = Field(description="RMS distance from the finest mesh, as a fraction of its box's diagonal.")
+    maximum: float = Field(description="Largest distance, in the same unit.")
+
+
+class PacketRow(BaseModel):
+    """One packet; its bytes are `offset` to `offset + length - 1` of the .tide file."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_PACKET]})
+
+    index: int
+    kind: str = Field(description="Base, Map&Conn, Param, Diff, ...")
+    level: int
+    slice: int
+    offset: int = Field(description="Where it starts in the .tide file.")
+    length: int
+    checksum: str = Field(description="CRC-32, in hexadecimal.")
+
+
+class MeshDetail(BaseModel):
+    """The header of a mesh's stream."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "stanford-bunny",
+                    "name": "stanford-bunny.ply",
+                    "fingerprint": "5b0c0f4e" * 8,
+                    "profile": "classic",
+                    "options": {},
+                    "bits": 12,
+                    "origin": [-0.09469, 0.03299, -0.06187],
+                    "extent": 0.1557,
+                    "bytes": 94120,
+                    "levels": [_LEVEL],
+                    "packets": [_PACKET],
+                }
+            ]
+        }
+    )
+
+    id: str
+    name: str
+    fingerprint: str = Field(description="Of the stream, in hexadecimal; also the entity tag of the .tide file.")
+    profile: str
+    options: dict[str, Any] = Field(description="What the profile's decoder is told.")
+    bits: int = Field(description="Quantization bits per coordinate.")
+    origin: tuple[float, float, float] = Field(description="Position of grid point (0, 0, 0).")
+    extent: float = Field(description="Length of the grid's side.")
+    bytes: int = Field(description="Size of the whole .tide file.")
+    levels: list[Level] = Field(description="In the order in which they become complete.")
+    packets: list[PacketRow] = Field(description="In transmission order.")
+
+    @classmethod
+    def of(cls, mesh: HostedMesh, stream: HostedStream) -> MeshDetail:
+        """The description of `stream`, which is `mesh`'s."""
+        header = stream.header
+        return cls(
+            id=mesh.id,
+            name=mesh.source.name,
+            fingerprint=stream.fingerprint,
+            profile=header.profile,
+            options=plain(dict(header.options)),
+            bits=header.bits,
+            origin=header.origin,
+            extent=header.extent,
+            bytes=stream.size,
+            levels=[
+                Level(
+                    level=row.level,
+                    packets=row.packet_count,
+                    bytes=stream.level_bytes(row),
+                    vertices=row.vertices,
+                    faces=row.faces,
+                    rms=row.rms,
+                    maximum=row.maximum,
+                )
+                for row in header.levels
+            ],
+            packets=[
+                PacketRow(
+                    index=index,
+                    kind=row.kind.label,
+                    level=row.level,
+                    slice=row.slice,
+                    offset=stream.packet_offset(index),
+                    length=row.length,
+                    checksum=f"{row.checksum:08x}",
+                )
+                for index, row in enumerate(header.packets)
+            ],
+        )
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - whatever msgpack knows
+    """`value` with what JSON does not know, written so that it does: bytes in hexadecimal, all keys as text.
+
+    >>> plain({1: b"ab", "c": [float("inf"), None]})
+    {'1': '6162', 'c': ['inf', None]}
+    """
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, bytes):
+        return value.hex()
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value

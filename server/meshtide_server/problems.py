@@ -1,0 +1,61 @@
+"""Refusals: one exception for all of them, and how it and the framework's own ones become JSON."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from meshtide_codec.errors import MeshtideError
+from meshtide_server.models import Problem
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI, Request, Response
+
+_CODES = {HTTPStatus.NOT_FOUND: "not-found", HTTPStatus.METHOD_NOT_ALLOWED: "method-not-allowed"}
+
+
+class RefusedError(MeshtideError):
+    """A request that cannot be met.
+
+    Args:
+        status: of the HTTP answer.
+        code: for programs.
+        message: for people.
+        retry_after: seconds after which it may go better.
+    """
+
+    def __init__(self, status: HTTPStatus, code: str, message: str, *, retry_after: int | None = None) -> None:
+        self.status = status
+        self.code = code
+        self.message = message
+        self.retry_after = retry_after
+        super().__init__(message)
+
+
+def problem_response(status: int, code: str, message: str, headers: dict[str, str] | None = None) -> JSONResponse:
+    """The answer that says what is wrong."""
+    return JSONResponse(Problem(error=code, message=message).model_dump(), status, headers)
+
+
+def handle_problems(app: FastAPI) -> None:
+    """Have `app` answer every refusal as a Problem."""
+
+    async def refused(_: Request, error: Exception) -> Response:
+        assert isinstance(error, RefusedError)  # noqa: S101 - it is registered for no other
+        headers = {} if error.retry_after is None else {"Retry-After": str(error.retry_after)}
+        return problem_response(error.status, error.code, error.message, headers)
+
+    async def framework(request: Request, error: Exception) -> Response:
+        assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for no other
+        status = HTTPStatus(error.status_code)
+        message = {
+            HTTPStatus.NOT_FOUND: "there is nothing at this address; GET / tells where everything is",
+            HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not for this address; meshes can only be read",
+        }.get(status, str(error.detail))
+        return problem_response(status, _CODES.get(status, "http-error"), message, dict(error.headers or {}))
+
+    app.add_exception_handler(RefusedError, refused)
+    app.add_exception_handler(HTTPException, framework)

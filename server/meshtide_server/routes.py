@@ -1,0 +1,121 @@
+"""The HTTP and websocket routes."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from http import HTTPStatus
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Annotated, Any
+
+from fastapi import APIRouter, Path, Request, Response, WebSocket
+
+from meshtide_server.download import MEDIA_TYPE, download
+from meshtide_server.hosted_mesh import HostedMesh, Status
+from meshtide_server.models import Health, Index, MeshDetail, MeshSummary, Problem
+from meshtide_server.problems import RefusedError
+
+if TYPE_CHECKING:
+    from meshtide_server.hosted_stream import HostedStream
+    from meshtide_server.library import Library
+    from meshtide_server.streaming import Streams
+
+router = APIRouter()
+
+MeshId = Annotated[str, Path(description="Id of a mesh, as GET /meshes lists it.", examples=["stanford-bunny"])]
+_Responses = dict[int | str, dict[str, Any]]
+_REFUSALS: _Responses = {
+    404: {"model": Problem, "description": "There is no such mesh."},
+    500: {"model": Problem, "description": "The mesh cannot be served; the message says why."},
+    503: {"model": Problem, "description": "The mesh is being encoded; the message says how far."},
+}
+_BINARY = {"content": {MEDIA_TYPE: {"schema": {"type": "string", "format": "binary"}}}}
+_FILE_RESPONSES: _Responses = {
+    200: {**_BINARY, "description": "The whole file."},
+    206: {**_BINARY, "description": "The range asked for."},
+    304: {"description": "The file that the client holds (If-None-Match) is still this one."},
+    412: {"model": Problem, "description": "The file is not the one that If-Match names."},
+    416: {"model": Problem, "description": "The range lies outside of the file."},
+    **_REFUSALS,
+}
+
+
+@router.get("/", summary="Where everything is", tags=["server"])
+async def index() -> Index:
+    """Name and version of this server, and where its meshes and this documentation are."""
+    return Index(version=program_version())
+
+
+@router.get("/healthz", summary="Whether the server answers", tags=["server"])
+async def health(request: Request) -> Health:
+    """That the server answers, and how many of its meshes are in which state."""
+    counts = Counter(mesh.status for mesh in _library(request).meshes)
+    return Health(version=program_version(), meshes={status.value: counts[status] for status in Status})
+
+
+@router.get("/meshes", summary="All meshes", tags=["meshes"])
+async def meshes(request: Request) -> list[MeshSummary]:
+    """All hosted meshes, also those that are not ready."""
+    return [MeshSummary.of(mesh) for mesh in _library(request).meshes]
+
+
+@router.api_route(
+    "/meshes/{mesh_id}.tide",
+    methods=["GET"],
+    response_class=Response,
+    responses=_FILE_RESPONSES,
+    summary="A mesh as a .tide file",
+    tags=["meshes"],
+)
+@router.api_route("/meshes/{mesh_id}.tide", methods=["HEAD"], response_class=Response, include_in_schema=False)
+async def file(request: Request, mesh_id: MeshId) -> Response:
+    """The stream of a mesh as a file. A cut-off file is a coarser mesh; a range can be asked for, and resumed."""
+    _, stream = find_stream(_library(request), mesh_id)
+    return download(stream, request.method, request.headers)
+
+
+@router.get(
+    "/meshes/{mesh_id}", response_model=MeshDetail, responses=_REFUSALS, summary="What a stream holds", tags=["meshes"]
+)
+async def mesh(request: Request, mesh_id: MeshId) -> Response:
+    """The header of a mesh's stream: its quantization, its levels and its packets, with their places in the file."""
+    found, stream = find_stream(_library(request), mesh_id)
+    body = await asyncio.to_thread(lambda: MeshDetail.of(found, stream).model_dump_json())
+    return Response(body, media_type="application/json")
+
+
+@router.websocket("/meshes/{mesh_id}/stream")
+async def stream(websocket: WebSocket, mesh_id: str) -> None:
+    """The stream of a mesh, level by level, over a websocket."""
+    streams: Streams = websocket.app.state.streams
+    await streams.serve(websocket, mesh_id)
+
+
+def find_stream(library: Library, mesh_id: str) -> tuple[HostedMesh, HostedStream]:
+    """The mesh of that id and its stream.
+
+    Raises:
+        RefusedError: there is no such mesh, or it is not ready, or it has failed.
+    """
+    found = library.find(mesh_id)
+    if found is None:
+        message = f"there is no mesh {mesh_id[:100]!r}; GET /meshes lists them all"
+        raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-mesh", message)
+    if found.status == Status.FAILED:
+        raise RefusedError(HTTPStatus.INTERNAL_SERVER_ERROR, "mesh-failed", found.failed_message)
+    if found.stream is None:
+        raise RefusedError(HTTPStatus.SERVICE_UNAVAILABLE, "not-ready", found.not_ready_message, retry_after=1)
+    return found, found.stream
+
+
+def program_version() -> str:
+    """Version of the installed distribution."""
+    try:
+        return version("meshtide")
+    except PackageNotFoundError:
+        return "0"
+
+
+def _library(request: Request) -> Library:
+    library: Library = request.app.state.library
+    return library

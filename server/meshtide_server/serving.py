@@ -1,0 +1,190 @@
+"""Running the application: the socket, the log, the announcement, and a shutdown that tells everybody.
+
+SIGTERM and Ctrl-C (SIGINT) end the server within a few seconds: no new connections, an error frame and a close frame
+for each running stream, the encoder's process ended. `run` returns 0 after SIGTERM and 130 after Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import signal
+import socket
+import sys
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import uvicorn
+from uvicorn.config import WS_PROTOCOLS
+
+from meshtide_codec.errors import TransferError
+from meshtide_codec.files import write_atomically
+from meshtide_server.app import create_app
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import FrameType
+
+    from fastapi import FastAPI
+
+    from meshtide_server.settings import Settings
+
+logger = logging.getLogger("meshtide.server")
+
+BACKLOG = 512
+INTERRUPTED = 130
+PING_SECONDS = 20.0
+_ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 - compared with, not bound to
+
+
+class AddressError(TransferError):
+    """The server cannot listen where it was told to."""
+
+
+class Server(uvicorn.Server):
+    """uvicorn's server, with an announcement at its start and a farewell to its streams at its end."""
+
+    def __init__(self, config: uvicorn.Config, app: FastAPI, announcement: Announcement) -> None:
+        super().__init__(config)
+        self._app = app
+        self._announcement = announcement
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start, then tell who waits for it."""
+        await super().startup(sockets)
+        if self.started:
+            self._announcement.make()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Part from the streams before uvicorn drops their connections."""
+        for server in self.servers:
+            server.close()
+        logger.info("shutting down")
+        await self._app.state.streams.close()
+        # What uvicorn still has to say is that it drops connections that did not end in time.
+        logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
+        await super().shutdown(sockets)
+
+
+class Announcement:
+    """Tells the log, and a parent process if asked to, where the server listens.
+
+    Args:
+        url: of the server.
+        on_output: whether to print {"url": ...} as one line on standard output.
+        ready_file: where to write the same, or None.
+    """
+
+    def __init__(self, url: str, *, on_output: bool = False, ready_file: Path | None = None) -> None:
+        self._url = url
+        self._on_output = on_output
+        self._ready_file = ready_file
+
+    def make(self) -> None:
+        """Say it."""
+        logger.info("listening on %s", self._url)
+        line = json.dumps({"url": self._url}) + "\n"
+        if self._ready_file is not None:
+            try:
+                write_atomically(self._ready_file, line.encode())
+            except OSError as error:
+                logger.error("cannot write %s: %s", self._ready_file, error.strerror or error)  # noqa: TRY400
+        if self._on_output:
+            with suppress(OSError, ValueError):  # nobody reads
+                sys.stdout.write(line)
+                sys.stdout.flush()
+
+
+def run(settings: Settings, *, announce: bool = False, ready_file: Path | None = None) -> int:
+    """Serve until a signal comes; returns the exit code, 0 after SIGTERM and 130 after Ctrl-C.
+
+    Args:
+        settings: what to host and where.
+        announce: whether to print {"url": ...} on standard output once the server listens.
+        ready_file: where to write the same, or None.
+
+    Raises:
+        AddressError: the address is taken, or not of this machine.
+    """
+    listener = bind(settings.host, settings.port)
+    with listener:
+        app = create_app(settings)
+        announcement = Announcement(url_of(listener), on_output=announce, ready_file=ready_file)
+        server = Server(configuration(app, settings), app, announcement)
+        received: list[int] = []
+
+        def note(number: int, _: FrameType | None) -> None:
+            received.append(number)
+            server.should_exit = True
+
+        # While it runs, uvicorn listens to signals itself; it raises them again when it is done, and these note them.
+        # They also serve in the moments before and after that.
+        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            server.run([listener])
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            if ready_file is not None:
+                with suppress(OSError):
+                    ready_file.unlink()
+    logger.info("stopped")
+    return INTERRUPTED if received[-1:] == [signal.SIGINT] else 0
+
+
+def configuration(app: FastAPI, settings: Settings) -> uvicorn.Config:
+    """How uvicorn runs `app`."""
+    return uvicorn.Config(
+        app,
+        lifespan="on",
+        ws="websockets-sansio" if "websockets-sansio" in WS_PROTOCOLS else "websockets",
+        ws_max_size=settings.max_message,
+        ws_per_message_deflate=False,  # packets are compressed already
+        ws_ping_interval=PING_SECONDS,
+        # On a slow link, a ping queues behind a whole window of data: patience as with a stream that stands still.
+        ws_ping_timeout=settings.stall_timeout,
+        timeout_graceful_shutdown=settings.shutdown_timeout,
+        backlog=BACKLOG,
+        log_config=None,
+        access_log=settings.log_level == "debug",
+        server_header=False,
+    )
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A socket bound to that address.
+
+    Raises:
+        AddressError: the address is taken, or not of this machine.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        listener = socket.socket(family, kind, protocol)
+        try:
+            if sys.platform != "win32":  # there it would let two servers share a port
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind(address)
+        except OSError:
+            listener.close()
+            raise
+    except (OSError, UnicodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        message = f"cannot listen on {host} port {port}: {reason}; choose others with --host and --port"
+        raise AddressError(message) from error
+    return listener
+
+
+def url_of(listener: socket.socket) -> str:
+    """The URL under which this machine reaches a listening socket."""
+    host, port = listener.getsockname()[:2]
+    host = _ANY_ADDRESS.get(host, host)
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def set_up_log(level: str) -> None:
+    """Send the log to standard error, one line an event."""
+    logging.basicConfig(level=level.upper(), format="%(asctime)s %(levelname)s %(message)s", datefmt="%H:%M:%S")
+    for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
+        logging.getLogger(name).setLevel(logging.DEBUG if level == "debug" else logging.WARNING)

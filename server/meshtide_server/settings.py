@@ -1,0 +1,90 @@
+"""Settings of the server: defaults, overridden by environment variables MESHTIDE_..., overridden by arguments.
+
+Every field has an environment variable of its name in capitals, such as MESHTIDE_PORT; an empty one counts as unset.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path  # noqa: TC003 - pydantic reads the annotations
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
+from meshtide_codec.stream.messages import LARGEST_MESSAGE
+
+LogLevel = Literal["debug", "info", "warning", "error"]
+
+
+class Settings(BaseSettings):
+    """What a server hosts, where, and how patient it is.
+
+    Raises:
+        pydantic.ValidationError: a value outside its range, or nothing to host.
+
+    >>> Settings(samples=True, port=0).port
+    0
+    """
+
+    model_config = SettingsConfigDict(env_prefix="MESHTIDE_", env_ignore_empty=True, extra="forbid", frozen=True)
+
+    directory: Path | None = Field(default=None, description="Folder of .tide files and mesh files to host.")
+    samples: bool = Field(default=False, description="Host the sample meshes that come with meshtide.")
+    cache: Path | None = Field(
+        default=None,
+        description="Folder for encoded streams; beside the meshes if that is writable, else the user's cache folder.",
+    )
+    bits: int = Field(
+        default=DEFAULT_B, ge=SMALLEST_B, le=LARGEST_B, description="Bits per coordinate for meshes encoded here."
+    )
+    rescan_seconds: float = Field(
+        default=5.0, ge=0.0, description="How often the folder is looked at again for new and changed files; 0: never."
+    )
+
+    host: str = Field(default="127.0.0.1", description="Address to listen on.")
+    port: int = Field(default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    allowed_origins: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Web origins whose pages may read the meshes, such as https://museum.example; * for all. "
+        "Pages of the server's own origin and programs that are no browsers always may.",
+    )
+
+    hello_timeout: float = Field(default=10.0, gt=0.0, description="Seconds a client has to ask for its mesh.")
+    stall_timeout: float = Field(
+        default=300.0, gt=0.0, description="Seconds a stream may stand still, for want of credit or of a reader."
+    )
+    shutdown_timeout: int = Field(default=3, ge=1, description="Seconds that open connections have to end in.")
+    max_message: int = Field(
+        default=LARGEST_MESSAGE, ge=1024, le=LARGEST_MESSAGE, description="Largest frame a client may send, in bytes."
+    )
+    log_level: LogLevel = Field(default="info", description="How much is logged.")
+
+    @field_validator("allowed_origins", mode="before")
+    @classmethod
+    def _split(cls, value: object) -> object:
+        """A comma-separated list, as it stands in an environment variable, becomes a tuple."""
+        if isinstance(value, str):
+            return tuple(part.strip() for part in value.split(",") if part.strip())
+        return value
+
+    @field_validator("directory")
+    @classmethod
+    def _check_directory(cls, value: Path | None) -> Path | None:
+        if value is None:
+            return None
+        if value.is_file():
+            raise ValueError(f"{value} is a file; give the folder that holds it")
+        if not value.is_dir():
+            raise ValueError(f"there is no folder {value}")
+        try:
+            next(value.iterdir(), None)
+        except OSError as error:
+            raise ValueError(f"{value} cannot be read: {error.strerror or error}") from error
+        return value.resolve()
+
+    @model_validator(mode="after")
+    def _check_anything_to_host(self) -> Self:
+        if self.directory is None and not self.samples:
+            raise ValueError("nothing to host: give a DIRECTORY of meshes, or --samples for the meshes that come along")
+        return self

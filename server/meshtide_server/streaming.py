@@ -1,0 +1,218 @@
+"""The websocket side of a stream: a thin shell around the codec's ServerSession.
+
+One task feeds the session what the client sends, another sends what the session has, never more than the client has
+granted and its socket takes. Whatever ends a stream early is told to the client in an error frame first, and then in
+the close code.
+
+======================  =====  =====================================================
+error frame             close  when
+======================  =====  =====================================================
+(none)                  1000   all was sent, or the client gave up
+unknown-mesh            1008   there is no mesh of that id
+not-ready               1013   it is being encoded, or replaced on the disk
+mesh-failed             1011   it cannot be served
+protocol                1002   a frame that is malformed or out of turn
+timeout                 1008   no hello, or no credit and no reading, for too long
+shutting-down           1001   the server is going away
+internal                1011   a fault of the server
+(none)                  1009   a frame over the size limit; sent by the protocol below
+======================  =====  =====================================================
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from meshtide_codec.errors import PeerError, ProtocolError, StreamError
+from meshtide_codec.stream.session import ServerSession, error_frame
+from meshtide_server.origins import may_connect
+from meshtide_server.problems import RefusedError
+from meshtide_server.routes import find_stream
+
+if TYPE_CHECKING:
+    from meshtide_server.hosted_stream import OpenStream
+    from meshtide_server.library import Library
+    from meshtide_server.settings import Settings
+
+logger = logging.getLogger("meshtide.server")
+
+GOODBYE_SECONDS = 1.0
+"""How long a client may take to read why it is dropped."""
+LONGEST_REASON = 120
+"""Bytes of a close frame's reason; the websocket protocol allows 123."""
+_CLOSE_CODES = {"unknown-mesh": 1008, "not-ready": 1013, "mesh-failed": 1011}
+
+
+@dataclass(frozen=True, slots=True)
+class Farewell:
+    """How a stream ends.
+
+    Args:
+        close: the websocket close code.
+        code: of the error frame; empty if there is none.
+        message: of the error frame and the close frame.
+    """
+
+    close: int
+    code: str = ""
+    message: str = ""
+
+
+class Streams:
+    """All streams that are running.
+
+    Args:
+        library: the meshes.
+        settings: timeouts, and who may connect.
+    """
+
+    def __init__(self, library: Library, settings: Settings) -> None:
+        self._library = library
+        self._settings = settings
+        self._closing = asyncio.Event()
+        self._running: set[asyncio.Task[None]] = set()
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._running)
+
+    async def serve(self, websocket: WebSocket, mesh_id: str) -> None:
+        """Serve one client from its handshake to its close."""
+        if not may_connect(websocket.headers, self._settings.allowed_origins):
+            logger.info("refused a page of %r", websocket.headers.get("origin"))
+            await websocket.close()  # before it was accepted: HTTP status 403
+            return
+        task = asyncio.current_task()
+        assert task is not None  # noqa: S101 - a coroutine that runs is in a task
+        self._running.add(task)
+        try:
+            await websocket.accept()
+            farewell = await self._stream(websocket, mesh_id)
+            if farewell is not None:
+                await _part(websocket, farewell)
+        except WebSocketDisconnect:
+            logger.debug("the client of %s left before it was greeted", mesh_id)
+        finally:
+            self._running.discard(task)
+
+    async def close(self) -> None:
+        """Tell all clients that the server goes away, and wait until they know, or had the time to."""
+        self._closing.set()
+        if self._running:
+            await asyncio.wait(self._running, timeout=2 * GOODBYE_SECONDS + 0.5)
+
+    async def _stream(self, websocket: WebSocket, mesh_id: str) -> Farewell | None:
+        """Stream to one client; returns how to part from it, or None if it has left."""
+        try:
+            found, stream = find_stream(self._library, mesh_id)
+        except RefusedError as error:
+            return Farewell(_CLOSE_CODES[error.code], error.code, error.message)
+        try:
+            with stream.open() as source:
+                return await self._run(websocket, found.id, source)
+        except StreamError as error:
+            logger.warning("%s: %s", found.id, error)
+            return Farewell(1013, "not-ready", str(error))
+
+    async def _run(self, websocket: WebSocket, mesh_id: str, source: OpenStream) -> Farewell | None:
+        conversation = Conversation(websocket, ServerSession(mesh_id, source), self._settings)
+        tasks = {
+            asyncio.create_task(conversation.listen(), name=f"listen {mesh_id}"),
+            asyncio.create_task(conversation.send(), name=f"send {mesh_id}"),
+            asyncio.create_task(self._wait_for_close(), name=f"close {mesh_id}"),
+        }
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        for task in done:
+            with suppress(WebSocketDisconnect):
+                return task.result()
+        return None
+
+    async def _wait_for_close(self) -> Farewell:
+        await self._closing.wait()
+        return Farewell(1001, "shutting-down", "the server is shutting down; connect again later to resume")
+
+
+class Conversation:
+    """One client's stream: the two tasks that share its session."""
+
+    def __init__(self, websocket: WebSocket, session: ServerSession, settings: Settings) -> None:
+        self._websocket = websocket
+        self._session = session
+        self._settings = settings
+        self._heard = asyncio.Event()
+
+    async def listen(self) -> Farewell | None:
+        """Feed the session until the client leaves or errs."""
+        while True:
+            message = await self._websocket.receive()
+            if message["type"] == "websocket.disconnect":
+                return None
+            data = message.get("bytes")
+            try:
+                self._session.receive(message.get("text") or "" if data is None else data)
+            except PeerError as error:
+                logger.info("a client gave up: %s", error)
+                return Farewell(1000)
+            except ProtocolError as error:
+                logger.info("a client broke the protocol: %s", error)
+                return Farewell(1002, "protocol", str(error))
+            self._heard.set()
+            await asyncio.sleep(0)  # a client that talks without pause must not keep others waiting
+
+    async def send(self) -> Farewell:
+        """Send what the session has until all is sent or nothing moves any more."""
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + self._settings.hello_timeout
+        greeted = False
+        while True:
+            frame = self._session.next_frame()
+            if self._session.greeted and not greeted:
+                greeted = True
+                deadline = loop.time() + self._settings.stall_timeout
+            try:
+                async with asyncio.timeout_at(deadline):
+                    if frame is None:
+                        await self._heard.wait()
+                        self._heard.clear()
+                        continue
+                    await self._websocket.send_bytes(frame)
+            except TimeoutError:
+                return self._timeout(greeted=greeted)
+            except RuntimeError as error:  # the protocol below has closed the connection while this was going on
+                raise WebSocketDisconnect(1006) from error
+            if self._session.finished:
+                return Farewell(1000)
+            deadline = loop.time() + self._settings.stall_timeout
+            await asyncio.sleep(0)
+
+    def _timeout(self, *, greeted: bool) -> Farewell:
+        if greeted:
+            message = f"the stream stood still for {self._settings.stall_timeout:g} s: no credit, or nobody reads"
+        else:
+            message = f"no hello within {self._settings.hello_timeout:g} s"
+        logger.info("dropped a client: %s", message)
+        return Farewell(1008, "timeout", message)
+
+
+async def _part(websocket: WebSocket, farewell: Farewell) -> None:
+    """Send the error frame, if there is one, and close."""
+    reason = farewell.message.encode()[:LONGEST_REASON].decode(errors="ignore")
+    with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
+        async with asyncio.timeout(GOODBYE_SECONDS):
+            if farewell.code:
+                await websocket.send_bytes(error_frame(farewell.code, farewell.message))
+    with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
+        async with asyncio.timeout(GOODBYE_SECONDS):
+            await websocket.close(farewell.close, reason)
