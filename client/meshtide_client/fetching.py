@@ -20,6 +20,7 @@ from meshtide_client.partial_file import PartialFile
 from meshtide_client.streaming import Reception
 from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.files import MESH_SUFFIXES, is_mesh_path, save_mesh
+from meshtide_codec.stream.container import PREAMBLE_BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from meshtide_client.transport import Link
     from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
+    from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.stream.session import Until
 
 
@@ -37,6 +39,7 @@ class FetchResult:
 
     Args:
         address: where the mesh came from.
+        header: of its stream.
         mesh: its finest level that was asked for.
         figures: what is known of that level.
         levels: the same of every level on the way, coarse to fine.
@@ -46,6 +49,7 @@ class FetchResult:
     """
 
     address: MeshAddress
+    header: StreamHeader
     mesh: Mesh
     figures: LevelFigures
     levels: tuple[LevelFigures, ...]
@@ -178,10 +182,14 @@ class _Fetch:
                     await asyncio.to_thread(_save, level.mesh, self.destination.keep_levels / name)
                 if self.on_level is not None:
                     self.on_level(level)
+        header = self.reception.header
+        assert header is not None  # noqa: S101 - no stream ends without
         if last is None:
-            raise OptionError(f"the bound is too small for any level; the coarsest takes {self.reception.least} bytes")
+            least = PREAMBLE_BYTES + len(header.to_bytes()) + header.level_bytes(header.levels[0])
+            raise OptionError(f"the bound allows no level; the coarsest takes {least} bytes")
         return FetchResult(
             address=self.address,
+            header=header,
             mesh=last.mesh,
             figures=last.figures,
             levels=tuple(levels),
@@ -196,7 +204,13 @@ def _run(under_way: _Fetch) -> FetchResult:
     try:
         asyncio.get_running_loop()
     except RuntimeError:
-        return asyncio.run(under_way.result())
+        pass
+    else:
+        return _run_in_thread(under_way)
+    return asyncio.run(under_way.result())
+
+
+def _run_in_thread(under_way: _Fetch) -> FetchResult:
     with ThreadPoolExecutor(max_workers=1) as executor:
         return executor.submit(lambda: asyncio.run(under_way.result())).result()
 

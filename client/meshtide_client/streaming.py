@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
+    from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.stream.packets import Packet
 
 
@@ -154,6 +155,11 @@ class Reception:
         """Whether the stream goes on after what was asked for; known at the end."""
 
     @property
+    def header(self) -> StreamHeader | None:
+        """The stream's header, once it is there."""
+        return self._holding.header
+
+    @property
     def received_bytes(self) -> int:
         """Bytes of header and packets that have come over the network."""
         return self._arrival.received_bytes
@@ -162,12 +168,6 @@ class Reception:
     def seconds(self) -> float:
         """Seconds since the download began."""
         return time.monotonic() - self._started
-
-    @property
-    def least(self) -> int:
-        """Bytes of the file that the coarsest level takes; 0 while the header is not there."""
-        header = self._holding.header
-        return 0 if header is None else self._file_size(header.level_bytes(header.levels[0]))
 
     async def levels(self) -> AsyncGenerator[ReceivedLevel, None]:
         """The levels as they become complete; see `stream` for what is raised."""
@@ -219,5 +219,5 @@ class Reception:
         ]
 
     def _file_size(self, packet_bytes: int) -> int:
-        """Bytes of the file whose packets have so many."""
+        """Bytes of the file when its packets have so many."""
         return PREAMBLE_BYTES + len(self._holding.header_bytes) + packet_bytes

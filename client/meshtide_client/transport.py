@@ -11,11 +11,12 @@ import asyncio
 import os
 import re
 import time
+from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage, InvalidStatus, WebSocketException
 
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, StreamError, TransferError
@@ -25,12 +26,11 @@ from meshtide_codec.stream.session import DEFAULT_WINDOW, error_frame
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator
 
-    from websockets.asyncio.client import ClientConnection
-
     from meshtide_client.address import MeshAddress
     from meshtide_codec.stream.session import ClientSession, Event
 
 _PING_SECONDS = 20.0
+_PONG_BYTES = 512
 _CLOSE_SECONDS = 2.0
 _BUSY_STATUSES = frozenset({429, 500, 502, 503, 504})
 _BREACH_CODES = frozenset({1002, 1007, 1009})
@@ -84,8 +84,8 @@ async def receive_events(address: MeshAddress, session: ClientSession, link: Lin
         StreamError: header or packet are damaged or over the limits.
     """
     socket = await _open(address, link)
-    backlog = _Backlog(_BACKLOG_WINDOWS * link.window)
-    pump = asyncio.create_task(backlog.fill(socket))
+    backlog = _Backlog(socket, _BACKLOG_WINDOWS * link.window)
+    pump = asyncio.create_task(backlog.fill())
     started = time.monotonic()
     try:
         await _send(socket, session.hello())
@@ -109,32 +109,50 @@ async def receive_events(address: MeshAddress, session: ClientSession, link: Lin
         await socket.close()
 
 
+class _Connection(ClientConnection):
+    """A connection that counts bytes as they come, also those of a frame that is not whole yet."""
+
+    heard_bytes = 0
+
+    def data_received(self, data: bytes) -> None:
+        """Called by the event loop."""
+        self.heard_bytes += len(data)
+        super().data_received(data)
+
+
 class _Backlog:
     """Frames that have arrived and wait for the session."""
 
-    def __init__(self, limit: int) -> None:
+    def __init__(self, socket: _Connection, limit: int) -> None:
+        self._socket = socket
         self._limit = limit
         self._bytes = 0
-        self._queue: asyncio.Queue[bytes | str | Exception] = asyncio.Queue()
+        self._queue: deque[bytes | str | Exception] = deque()
+        self._arrived = asyncio.Event()
 
-    async def fill(self, socket: ClientConnection) -> None:
-        """Take frames off `socket` until it is closed."""
+    async def fill(self) -> None:
+        """Take frames off the socket until it is closed."""
         try:
             while self._bytes <= self._limit:
-                frame = await socket.recv()
+                frame = await self._socket.recv()
                 self._bytes += len(frame)
-                self._queue.put_nowait(frame)
-            self._queue.put_nowait(ProtocolError("the server sends more than it was allowed"))
+                self._put(frame)
+            self._put(ProtocolError("the server sends more than it was allowed"))
         except ConnectionClosed as error:
-            self._queue.put_nowait(error)
+            self._put(error)
 
-    async def next(self, address: MeshAddress, timeout: float) -> bytes | str:  # noqa: ASYNC109 - silence, not work
-        """The next frame, at most `timeout` seconds from now."""
-        try:
-            async with asyncio.timeout(timeout):
-                frame = await self._queue.get()
-        except TimeoutError:
-            raise TransferError(f"nothing came from {address.server} for {timeout:g} seconds") from None
+    async def next(self, address: MeshAddress, patience: float) -> bytes | str:
+        """The next frame; waits as long as `patience` seconds bring more than answers to pings."""
+        while not self._queue:
+            heard = self._socket.heard_bytes
+            try:
+                async with asyncio.timeout(patience):
+                    await self._arrived.wait()
+            except TimeoutError:
+                if self._socket.heard_bytes - heard <= _PONG_BYTES:
+                    raise TransferError(f"nothing came from {address.server} for {patience:g} seconds") from None
+            self._arrived.clear()
+        frame = self._queue.popleft()
         if isinstance(frame, ConnectionClosed):
             raise _closed(frame, address) from frame
         if isinstance(frame, Exception):
@@ -142,19 +160,25 @@ class _Backlog:
         self._bytes -= len(frame)
         return frame
 
+    def _put(self, frame: bytes | str | Exception) -> None:
+        self._queue.append(frame)
+        self._arrived.set()
 
-async def _open(address: MeshAddress, link: Link) -> ClientConnection:
+
+async def _open(address: MeshAddress, link: Link) -> _Connection:
     try:
-        return await connect(
+        connection = await connect(
             address.stream_url,
             compression=None,  # packets are compressed
             max_size=LARGEST_MESSAGE,
             open_timeout=link.timeout,
             ping_interval=_PING_SECONDS,
-            ping_timeout=link.timeout,
+            ping_timeout=None,  # on a slow link an answer queues behind a window of data; the backlog has its own clock
             close_timeout=_CLOSE_SECONDS,
             proxy=None if address.server.is_loopback else True,
+            create_connection=_Connection,
         )
+        assert isinstance(connection, _Connection)  # noqa: S101 - made right above
     except InvalidStatus as error:
         status = error.response.status_code
         if status in _BUSY_STATUSES:
@@ -172,6 +196,7 @@ async def _open(address: MeshAddress, link: Link) -> ClientConnection:
         raise TransferError(f"{address.server} did not answer within {link.timeout:g} seconds") from error
     except (OSError, WebSocketException) as error:
         raise TransferError(f"cannot connect to {address.server}: {_reason(error)}") from error
+    return connection
 
 
 async def _send(socket: ClientConnection, frame: bytes) -> None:

@@ -1,0 +1,145 @@
+"""The client's part of the command `meshtide`: fetch, meshes, demo.
+
+Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from meshtide_client.display import Display
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
+TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news until the connection counts as lost.")]
+RateOption = Annotated[float | None, typer.Option(help="Take no more than so many bytes a second.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the client's commands to `app`."""
+    app.command()(fetch)
+    app.command()(meshes)
+    app.command()(demo)
+
+
+def fetch(
+    url: Annotated[str, typer.Argument(help="Address of the mesh, such as http://host:port/meshes/ID.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Mesh file to write; default: the mesh's id with .ply.")
+    ] = None,
+    until_level: Annotated[int | None, typer.Option(help="Fetch what this level needs; 0 is the finest.")] = None,
+    max_bytes: Annotated[int | None, typer.Option(help="Fetch the finest level that fits into so many bytes.")] = None,
+    max_error: Annotated[
+        float | None, typer.Option(help="Stop at an RMS error of this fraction of the bounding box's diagonal.")
+    ] = None,
+    keep_levels: Annotated[Path | None, typer.Option(help="Folder to write every level to, as PLY.")] = None,
+    stream_file: Annotated[
+        Path | None, typer.Option(help="Keep the stream in this .tide file; what it holds is not fetched again.")
+    ] = None,
+    timeout: TimeoutOption = 30.0,
+    retries: Annotated[int, typer.Option(help="How often to reconnect without progress before giving up.")] = 5,
+    rate: RateOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fetch a mesh from a server, level by level.
+
+    An interrupted download is gone on with when the same command is repeated: what has arrived is kept beside the
+    output, in a file that ends in .partial.tide. An existing output is replaced only when the mesh is complete.
+
+    Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny -o bunny.ply --max-error 0.005
+    """
+    from meshtide_client.address import MeshAddress
+    from meshtide_client.display import Display, result_json, result_line
+    from meshtide_client.fetching import Destination
+    from meshtide_client.fetching import fetch as fetch_mesh
+    from meshtide_client.transport import Link
+    from meshtide_codec.command_line import ExitCode
+    from meshtide_codec.stream.session import Until
+
+    address = MeshAddress.parse(url)
+    target = output or Path(f"{address.file_stem}.ply")
+    display = Display(address.mesh)
+    try:
+        with display.shown():
+            result = fetch_mesh(
+                url,
+                target,
+                until=Until(until_level, max_error, max_bytes),
+                stream_file=stream_file,
+                keep_levels=keep_levels,
+                link=Link(timeout=timeout, retries=retries, rate=rate),
+                on_level=display.on_level,
+                notify=display.notify,
+                progress=display.progress,
+            )
+    except KeyboardInterrupt:
+        display.notify(_interrupted(display, Destination(target, stream_file).partial_path))
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    if as_json:
+        _print_json(result_json(result, output=target, stream_file=stream_file))
+    else:
+        typer.echo(result_line(result, target))
+
+
+def meshes(
+    url: Annotated[str, typer.Argument(help="Address of the server: http://host:port.")],
+    timeout: TimeoutOption = 30.0,
+    as_json: JsonOption = False,
+) -> None:
+    """List the meshes that a server hosts.
+
+    Example: meshtide meshes http://localhost:8000
+    """
+    from dataclasses import asdict
+
+    from meshtide_client.address import ServerAddress
+    from meshtide_client.listing import list_meshes
+
+    hosted = list_meshes(url, timeout=timeout)
+    if as_json:
+        _print_json({"server": str(ServerAddress.parse(url)), "meshes": [asdict(mesh) for mesh in hosted]})
+        return
+    from rich.console import Console
+
+    from meshtide_client.listing_table import listing_table
+
+    Console().print(listing_table(hosted) if hosted else "the server hosts no meshes")
+
+
+def demo(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the levels.")] = Path("demo-output"),
+    mesh: Annotated[str, typer.Option(help="Sample to show: stanford-bunny or spot.")] = "stanford-bunny",
+    rate: Annotated[
+        float | None, typer.Option(help="Bytes a second, to watch the tide come in as on a slow link.")
+    ] = None,
+    wait: Annotated[float, typer.Option(help="Seconds to wait for the server and for its encoding.")] = 600.0,
+    picture: Annotated[bool, typer.Option(help="Draw the levels side by side into levels.png.")] = True,
+) -> None:
+    """Start a server with the sample meshes, fetch one of them level by level, and check the result.
+
+    Example: meshtide demo --rate 20000
+    """
+    from meshtide_client.demo import run_demo
+    from meshtide_codec.command_line import ExitCode
+
+    try:
+        run_demo(output, mesh, rate=rate, wait=wait, draw=picture)
+    except KeyboardInterrupt:
+        typer.echo("interrupted; the server has been stopped", err=True)
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
+
+
+def _interrupted(display: Display, partial: Path | None) -> str:
+    level = "" if display.last is None else f"; level {display.last.level} is complete"
+    if partial is None or not partial.exists():
+        return "interrupted; nothing has arrived yet"
+    return f"interrupted{level}; what has arrived is kept in {partial}, and the same command goes on from there"
+
+
+def _print_json(answer: object) -> None:
+    import json
+
+    typer.echo(json.dumps(answer))
