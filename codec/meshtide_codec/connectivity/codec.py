@@ -14,7 +14,7 @@ from meshtide_codec.connectivity.half_edge_kernels import FineMesh
 from meshtide_codec.connectivity.level_kernels import Level
 from meshtide_codec.connectivity.tables import new_models
 from meshtide_codec.connectivity.traversal_kernels import find_witnesses, traverse
-from meshtide_codec.connectivity.truth_kernels import build_truth, closed_and_simple, empty_truth
+from meshtide_codec.connectivity.truth_kernels import build_truth, empty_truth, survey
 from meshtide_codec.entropy.codec import encoded, fully_read, opened
 from meshtide_codec.entropy.range_coder_kernels import POSITION, code_raw_bits
 from meshtide_codec.errors import MapConnError, MeshError
@@ -70,7 +70,11 @@ def encode_faces(
     coarse = build_coarse_mesh(fine_parents, np.ascontiguousarray(coarse_faces, np.int32), coarse_count)
     truth = build_truth(np.ascontiguousarray(fine_faces, np.int32), len(parents))
     witnesses = find_witnesses(truth.faces, fine_parents, coarse)
-    closed, clean = closed_and_simple(truth)
+    distinct, closed, clean = survey(truth)
+    if not distinct:
+        raise MeshError("connectivity cannot be coded: a face is given twice")
+    if len(parents) == coarse_count:
+        closed = clean = True  # nothing splits: all faces are copied, and nothing is announced wrongly
     while True:
         payload, status = _encoded_as(closed, clean, coarse, truth, fine_parents, positions, witnesses)
         if status == level_kernels.DONE:
@@ -81,8 +85,8 @@ def encode_faces(
             clean = False
         else:
             raise MeshError(
-                "connectivity cannot be coded: the fine faces repeat one or have a repeated corner, "
-                "or the coarse faces are not what they collapse to"
+                "connectivity cannot be coded: a fine face has a repeated corner, "
+                "or the coarse faces are not what the fine ones collapse to"
             )
 
 

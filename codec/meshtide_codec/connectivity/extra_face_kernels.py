@@ -87,7 +87,7 @@ def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, ha
     if not level.encoding:
         count = _gather(level, first, second, known_apex)
     best, total = score_candidates(
-        models.scores, level.geometric, level.candidates, count, fine, first, second, known_apex
+        models.scores, level.geometric, level.candidates, count, fine.vertices, first, second, known_apex
     )
     row = code_choice(coder, buffer, models, AT_EXTRA_FACE, level.candidates, count, best, total, fine.vertices)
     if row < 0 or count == 0:

@@ -89,7 +89,7 @@ def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: 
         level.candidates, level.coarse, fine, first, second, known_apex, number, False
     )
     best, total = score_candidates(
-        models.scores, level.geometric, level.candidates, count, fine, first, second, known_apex
+        models.scores, level.geometric, level.candidates, count, fine.vertices, first, second, known_apex
     )
     if may_wait and total > DOUBTFUL:
         return DONE

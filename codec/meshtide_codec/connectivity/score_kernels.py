@@ -135,48 +135,51 @@ def edges_closed(flags: int) -> int:
     return (flags & 1) + (flags >> 1)
 
 
-@borrowing_kernel
-def connectivity_score(
-    scores: NDArray[np.int32], vertices: NDArray[np.int32], kind: int, flags: int, vertex: int, ends: int
-) -> int:
-    """What the connectivity alone says about a candidate; `ends` packs the faces at the gate's two ends, up to 7."""
+@inlined_kernel
+def connectivity_features(
+    vertices: NDArray[np.int32], kind: int, flags: int, vertex: int, ends: int
+) -> tuple[int, int, int]:
+    """Places in the table of what the connectivity alone says about a candidate.
+
+    `ends` packs the faces at the gate's two ends, up to 7 each.
+    """
     closed = edges_closed(flags)
-    state = vertex_state(vertices, vertex)
     faces = min(int(vertices[vertex, half_edges.FACES]), 7)
     open_pairs = min(int(vertices[vertex, half_edges.OPEN_EDGES]) >> 1, 3)
     first = ((flags & half_edges.CLOSES_FIRST) << 3) | (ends >> 3)
     second = ((flags & half_edges.CLOSES_SECOND) << 2) | (ends & 7)
     return (
-        int(scores[KIND_SCORES + (kind * CLOSINGS + closed) * STATES + state])
-        + scores[VALENCE_SCORES + (faces * 4 + open_pairs) * CLOSINGS + closed]
-        + scores[END_SCORES + first * 16 + second]
+        KIND_SCORES + (kind * CLOSINGS + closed) * STATES + vertex_state(vertices, vertex),
+        VALENCE_SCORES + (faces * 4 + open_pairs) * CLOSINGS + closed,
+        END_SCORES + first * 16 + second,
     )
 
 
-@borrowing_kernel
-def shape_score(
-    scores: NDArray[np.int32],
-    vertices: NDArray[np.int32],
-    kind: int,
-    flags: int,
-    vertex: int,
-    gate: tuple[int, int, int, int],
-) -> int:
-    """What the positions say; `gate` is its two ends, the apex behind it and its squared length."""
+@inlined_kernel
+def shape_features(
+    vertices: NDArray[np.int32], kind: int, flags: int, vertex: int, gate: tuple[int, int, int, int]
+) -> tuple[int, int, int]:
+    """Places in the table of what the positions say; `gate` is its ends, the apex behind it, its squared length."""
     one = squared_distance(vertices, gate[0], vertex)
     other = squared_distance(vertices, gate[1], vertex)
     across = squared_distance(vertices, gate[2], vertex)
     angle = angle_class(gate[3], one, other)
     length = length_class(across, gate[3])
-    shorter = min(one, other)
-    longer = max(one, other)
+    shorter = min((min(one, other) + 2) >> 2, 15)
+    longer = min((max(one, other) + 2) >> 2, 15)
     corner = edges_closed(flags) * STATES + vertex_state(vertices, vertex)
     angle_sum = min(31, (int(vertices[vertex, half_edges.ANGLE]) + angle) >> 1)
     return (
-        int(scores[SHAPE_SCORES + (kind * 16 + length) * 32 + angle])
-        + scores[SHORT_EDGE_SCORES + (min(shorter, 15) * 16 + min(longer, 15)) * 16 + min(gate[3], 15)]
-        + scores[ANGLE_SUM_SCORES + corner * 32 + angle_sum]
+        SHAPE_SCORES + (kind * 16 + length) * 32 + angle,
+        SHORT_EDGE_SCORES + (shorter * 16 + longer) * 16 + min((gate[3] + 2) >> 2, 15),
+        ANGLE_SUM_SCORES + corner * 32 + angle_sum,
     )
+
+
+@inlined_kernel
+def gate_ends(vertices: NDArray[np.int32], first: int, second: int) -> int:
+    """The faces at the two ends of a gate, up to 7 each, in one number."""
+    return min(int(vertices[first, half_edges.FACES]), 7) * 8 + min(int(vertices[second, half_edges.FACES]), 7)
 
 
 @borrowing_kernel
@@ -185,25 +188,25 @@ def score_candidates(
     geometric: bool,
     candidates: Candidates,
     count: int,
-    fine: FineMesh,
+    vertices: NDArray[np.int32],
     first: int,
     second: int,
     known_apex: int,
 ) -> tuple[int, int]:
     """Fill `candidates.weight`; returns the row of the best candidate and the sum of all weights."""
-    vertices = fine.vertices
     weight = candidates.weight
-    ends = min(int(vertices[first, half_edges.FACES]), 7) * 8
-    ends += min(int(vertices[second, half_edges.FACES]), 7)
+    ends = gate_ends(vertices, first, second)
     gate = (first, second, known_apex, squared_distance(vertices, first, second))
     best = 0
     for row in range(count):
         vertex = int(candidates.vertex[row])
         kind = int(candidates.kind[row])
         flags = int(candidates.flags[row])
-        score = connectivity_score(scores, vertices, kind, flags, vertex, ends)
+        one, two, three = connectivity_features(vertices, kind, flags, vertex, ends)
+        score = int(scores[one]) + scores[two] + scores[three]
         if geometric:
-            score += shape_score(scores, vertices, kind, flags, vertex, gate)
+            one, two, three = shape_features(vertices, kind, flags, vertex, gate)
+            score += int(scores[one]) + scores[two] + scores[three]
         weight[row] = score
         if score > weight[best]:
             best = row
@@ -211,5 +214,5 @@ def score_candidates(
     total = 0
     for row in range(count):
         weight[row] = WEIGHTS[min((highest - weight[row]) // SCORE_STEP, len(WEIGHTS) - 1)]
-        total += weight[row]
+        total += int(weight[row])
     return best, total

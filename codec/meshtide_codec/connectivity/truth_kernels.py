@@ -110,9 +110,10 @@ def finish_face(truth: Truth, a: int, b: int, c: int) -> bool:
 
 
 @kernel
-def closed_and_simple(truth: Truth) -> tuple[bool, bool]:
-    """Whether every directed edge has an opposite one, and whether none has two faces."""
+def survey(truth: Truth) -> tuple[bool, bool, bool]:
+    """Whether faces are distinct; every directed edge has an opposite one; no directed edge has two faces."""
     edges = truth.edges
+    distinct = True
     closed = True
     simple = True
     for origin in range(len(edges.start) - 1):
@@ -120,7 +121,9 @@ def closed_and_simple(truth: Truth) -> tuple[bool, bool]:
             target = edges.target[entry]
             if entry > edges.start[origin] and edges.target[entry - 1] == target:
                 simple = False
+                if edges.apex[entry - 1] == edges.apex[entry]:
+                    distinct = False
             opposite = edge_index.first_entry(edges, target, origin, -1)
             if opposite >= edges.start[target + 1] or edges.target[opposite] != origin:
                 closed = False
-    return closed, simple
+    return distinct, closed, simple
