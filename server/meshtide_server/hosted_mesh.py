@@ -67,7 +67,7 @@ class HostedMesh:
 
     def advance(self, stage: str, progress: float = 0.0) -> None:
         """Note what is being done."""
-        self.stage, self.progress = stage, progress
+        self.stage, self.progress = stage, min(max(progress, 0.0), 1.0)
 
     def succeed(self, stream: HostedStream) -> None:
         """The stream is there."""

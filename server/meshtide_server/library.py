@@ -200,8 +200,8 @@ class Library:
         place, digest = await self._in_thread(lambda: self._cache_place(mesh.source))
         stream = await self._in_thread(lambda: self._from_cache(place))
         if stream is not None:
-            self._finish(mesh, stream)
             await self._in_thread(place.prune)
+            self._finish(mesh, stream)
         else:
             mesh.advance("waiting")
             self._to_encode.put_nowait((mesh, place, digest))
@@ -270,8 +270,9 @@ class Library:
         if encoded.path is None:
             logger.warning("the stream of %s is kept in memory until the server stops, then lost", mesh.id)
         storage = FileStorage(encoded.path) if encoded.path else MemoryStorage(encoded.data)
-        self._finish(mesh, await self._in_thread(lambda: self._load(storage)))
+        stream = await self._in_thread(lambda: self._load(storage))
         await self._in_thread(place.prune)
+        self._finish(mesh, stream)
 
 
 class _ProgressLog:

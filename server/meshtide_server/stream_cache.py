@@ -134,7 +134,7 @@ def name_prefix(name: str, options: EncodingOptions) -> str:
     """How the names of the streams of the mesh file `name`, encoded with `options`, begin; no other names do.
 
     >>> name_prefix("Bunny (1).obj", EncodingOptions(bits=12))
-    'bunny-1-obj-4cf2d0b4-b12'
+    'bunny-1-obj-58f290dc-b12'
     """
     return f"{slug(name, 60)}-{_short_digest(name)}-b{options.bits}"
 

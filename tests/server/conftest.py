@@ -1,0 +1,161 @@
+"""Streams of random bytes, and servers to host them: what the tests of the server share."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from random import Random
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from meshtide_codec.stream.container import write_container
+from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
+from meshtide_codec.stream.packets import Packet, PacketKind
+from meshtide_server.app import create_app
+from meshtide_server.serving import Announcement, Server, bind, configuration, url_of
+from meshtide_server.settings import Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+TETRAHEDRON = """\
+v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+f 1 3 2
+f 1 2 4
+f 1 4 3
+f 2 3 4
+"""
+
+
+def make_stream(seed: int = 0, payloads: tuple[int, ...] = (400, 30, 40, 2000, 50, 5000)) -> bytes:
+    """A `.tide` file whose packets hold random bytes of the given lengths; three levels, valid in every respect."""
+    random = Random(seed)
+    places = (
+        (PacketKind.BASE, 2),
+        (PacketKind.MAP_CONN, 1),
+        (PacketKind.DIFF, 1),
+        (PacketKind.MAP_CONN, 0),
+        (PacketKind.PARAM, 0),
+        (PacketKind.DIFF, 0),
+    )
+    packets = [
+        Packet(kind, level, 0, random.randbytes(length)) for (kind, level), length in zip(places, payloads, strict=True)
+    ]
+    table, encoded = packet_table(packets)
+    header = StreamHeader(
+        profile="classic",
+        options={"seed": seed, "mark": b"\x00\xff"},
+        bits=12,
+        origin=(0.0, -1.0, 0.5),
+        extent=2.0,
+        levels=(
+            LevelEntry(2, 1, 100, 196, 0.02, 0.05),
+            LevelEntry(1, 3, 400, 796, 0.01, 0.03),
+            LevelEntry(0, 6, 1600, 3196, 0.0, 0.0),
+        ),
+        packets=table,
+    )
+    return write_container(header, encoded)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with one stream, small.tide."""
+    path = tmp_path / "meshes"
+    path.mkdir()
+    (path / "small.tide").write_bytes(make_stream())
+    return path
+
+
+@pytest.fixture(autouse=True)
+def private_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """No test touches the cache of the person who runs it, nor minds their environment."""
+    path = tmp_path_factory.mktemp("cache")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(path))
+    for name in Settings.model_fields:
+        monkeypatch.delenv(f"MESHTIDE_{name.upper()}", raising=False)
+    return path
+
+
+@dataclass(frozen=True)
+class LiveServer:
+    """A server that runs in a thread."""
+
+    url: str
+    app: Any
+    loop: asyncio.AbstractEventLoop
+    server: Server
+
+    @property
+    def socket_url(self) -> str:
+        """Its URL for websockets."""
+        return self.url.replace("http://", "ws://")
+
+    def stop(self) -> None:
+        """Begin to shut down, as a signal would have it."""
+        self.server.should_exit = True
+
+    def running_streams(self, expected: int, seconds: float = 5.0) -> int:
+        """How many streams run, once they are `expected` or the time is over."""
+        deadline = time.monotonic() + seconds
+        while self.app.state.streams.count != expected and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return int(self.app.state.streams.count)
+
+
+@contextmanager
+def running(settings: Settings) -> Iterator[LiveServer]:
+    """A server in a thread, its meshes settled."""
+    listener = bind("127.0.0.1", 0)
+    app = create_app(settings)
+    loops: list[asyncio.AbstractEventLoop] = []
+    ready = threading.Event()
+
+    class Ready(Announcement):
+        def make(self) -> None:
+            ready.set()
+
+    server = Server(configuration(app, settings), app, Ready(""))
+
+    async def serve() -> None:
+        loops.append(asyncio.get_running_loop())
+        await server.serve([listener])
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    try:
+        assert ready.wait(20)
+        asyncio.run_coroutine_threadsafe(app.state.library.settled(), loops[0]).result(60)
+        yield LiveServer(url_of(listener), app, loops[0], server)
+    finally:
+        server.should_exit = True
+        thread.join(20)
+        listener.close()
+        assert not thread.is_alive()
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[Settings], LiveServer]]:
+    """Starts servers that end with the test."""
+    with ExitStack() as stack:
+        yield lambda settings: stack.enter_context(running(settings))
+
+
+@pytest.fixture
+def stream_bytes() -> Callable[..., bytes]:
+    """Makes `.tide` files; see make_stream."""
+    return make_stream
+
+
+@pytest.fixture
+def tetrahedron() -> str:
+    """A mesh file, as OBJ."""
+    return TETRAHEDRON

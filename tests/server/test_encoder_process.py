@@ -1,0 +1,110 @@
+# ruff: noqa: ASYNC240 - the files of these tests are small
+import asyncio
+import os
+import signal
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from meshtide_codec.stream.container import read_container
+from meshtide_server.encoder_process import EncoderProcess, EncodingFailedError, Job
+from meshtide_server.stream_cache import EncodingOptions, file_digest
+
+OPTIONS = EncodingOptions(bits=9)
+
+
+@pytest.fixture
+async def encoder() -> AsyncIterator[EncoderProcess]:
+    process = EncoderProcess()
+    yield process
+    await process.close()
+    assert not process.running
+
+
+def job(file: Path, *targets: Path) -> Job:
+    return Job(file, None, file_digest(file), OPTIONS, targets)
+
+
+def quiet(stage: str, fraction: float) -> None:
+    assert stage
+    assert 0.0 <= fraction <= 1.0
+
+
+async def test_one_process_stores_streams_reports_failures_and_goes_on(
+    encoder: EncoderProcess, tmp_path: Path, tetrahedron: str
+) -> None:
+    good, bad, changed = (tmp_path / name for name in ("good.obj", "bad.obj", "changed.obj"))
+    good.write_text(tetrahedron)
+    bad.write_text("this is no mesh")
+    changed.write_text(tetrahedron)
+
+    stages: list[str] = []
+    target = tmp_path / "cache" / "good.tide"
+    encoded = await encoder.encode(job(good, target), lambda stage, _: stages.append(stage))
+    assert (encoded.path, encoded.data, encoded.problems) == (target, b"", ())
+    header, _ = read_container(target.read_bytes())
+    assert (header.vertices, header.faces, header.bits) == (4, 4, 9)
+    assert stages[:2] == ["load the encoder", "read the mesh"]
+    assert [path.name for path in target.parent.iterdir()] == ["good.tide"]
+
+    with pytest.raises(EncodingFailedError, match=r"bad\.obj"):
+        await encoder.encode(job(bad, tmp_path / "bad.tide"), quiet)
+
+    stale = job(changed, tmp_path / "changed.tide")
+    changed.write_text(tetrahedron + "# edited\n")
+    with pytest.raises(EncodingFailedError, match="was changed while it was read"):
+        await encoder.encode(stale, quiet)
+    assert not (tmp_path / "changed.tide").exists()
+
+    sample = Job(None, "spot", "sample spot", OPTIONS, ())
+    assert read_container((await encoder.encode(sample, quiet)).data)[0].vertices > 2000
+
+
+async def test_a_stream_that_no_folder_takes_comes_back_in_memory(
+    encoder: EncoderProcess, tmp_path: Path, tetrahedron: str
+) -> None:
+    file = tmp_path / "a.obj"
+    file.write_text(tetrahedron)
+    targets = (tmp_path / "a.obj" / "a.tide", Path("/dev/full/a.tide"))
+    encoded = await encoder.encode(job(file, *targets), quiet)
+    assert encoded.path is None
+    assert read_container(encoded.data)[0].vertices == 4
+    assert [problem.split(": ")[1] for problem in encoded.problems] == ["File exists", "File exists"]
+    second_choice = tmp_path / "b.tide"
+    encoded = await encoder.encode(job(file, targets[0], second_choice), quiet)
+    assert encoded.path == second_choice
+    assert len(encoded.problems) == 1
+
+
+async def test_a_process_that_is_killed_fails_its_job_only(
+    encoder: EncoderProcess, tmp_path: Path, tetrahedron: str
+) -> None:
+    file = tmp_path / "a.obj"
+    file.write_text(tetrahedron)
+
+    def kill(stage: str, _: float) -> None:
+        if stage == "load the encoder":
+            assert encoder._process is not None
+            os.kill(encoder._process.pid, signal.SIGKILL)
+
+    with pytest.raises(EncodingFailedError, match=r"killed by SIGKILL; there may be too little memory"):
+        await encoder.encode(job(file, tmp_path / "a.tide"), kill)
+    assert not encoder.running
+    await encoder.encode(job(file, tmp_path / "a.tide"), quiet)
+    assert (tmp_path / "a.tide").is_file()
+
+
+async def test_a_cancelled_job_ends_the_process(encoder: EncoderProcess, tmp_path: Path, tetrahedron: str) -> None:
+    file = tmp_path / "a.obj"
+    file.write_text(tetrahedron)
+    begun = asyncio.Event()
+    task = asyncio.create_task(encoder.encode(job(file, tmp_path / "a.tide"), lambda *_: begun.set()))
+    await asyncio.wait_for(begun.wait(), 30)
+    assert encoder.running
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    assert not encoder.running
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.obj"]

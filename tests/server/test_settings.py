@@ -1,0 +1,58 @@
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from meshtide_server.settings import Settings
+
+
+def test_defaults_serve_this_machine_only() -> None:
+    settings = Settings(samples=True)
+    assert (settings.host, settings.port, settings.cache) == ("127.0.0.1", 8000, None)
+
+
+def test_environment_sets_and_arguments_win(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("MESHTIDE_DIRECTORY", str(tmp_path))
+    monkeypatch.setenv("MESHTIDE_PORT", "9000")
+    monkeypatch.setenv("MESHTIDE_HELLO_TIMEOUT", "2.5")
+    monkeypatch.setenv("MESHTIDE_CACHE", "")
+    monkeypatch.setenv("MESHTIDE_ALLOWED_ORIGINS", "https://a.example, https://b.example")
+    settings = Settings(port=9001)
+    assert settings.directory == tmp_path
+    assert settings.port == 9001
+    assert settings.hello_timeout == 2.5
+    assert settings.cache is None
+    assert settings.allowed_origins == ("https://a.example", "https://b.example")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("port", -1),
+        ("port", 65536),
+        ("bits", 3),
+        ("bits", 21),
+        ("hello_timeout", 0),
+        ("stall_timeout", -1),
+        ("max_message", 10),
+        ("max_message", 1 << 20),
+        ("log_level", "loud"),
+        ("colour", "red"),
+    ],
+)
+def test_values_outside_their_range_are_refused(name: str, value: object) -> None:
+    with pytest.raises(ValidationError, match=name):
+        Settings(samples=True, **{name: value})
+
+
+def test_nothing_to_host_says_what_to_give() -> None:
+    with pytest.raises(ValidationError, match=r"give a DIRECTORY of meshes, or --samples"):
+        Settings()
+
+
+def test_directory_must_be_a_folder(tmp_path: Path) -> None:
+    with pytest.raises(ValidationError, match="there is no folder"):
+        Settings(directory=tmp_path / "missing")
+    (tmp_path / "spot.obj").touch()
+    with pytest.raises(ValidationError, match="is a file; give the folder that holds it"):
+        Settings(directory=tmp_path / "spot.obj")
