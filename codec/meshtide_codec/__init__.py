@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from meshtide_codec.filters import FilterSpec
     from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
-    from meshtide_codec.quantize import QuantizedMesh, quantize
+    from meshtide_codec.quantize import QuantizedMesh
     from meshtide_codec.samples import load_sample, sample_names
     from meshtide_codec.stream.container import ContainerReader, read_available, read_container
     from meshtide_codec.stream.header import StreamHeader
@@ -47,7 +47,6 @@ _HOMES = {
     "encode": "encoder",
     "load_mesh": "files",
     "load_sample": "samples",
-    "quantize": "quantize",
     "read_available": "stream.container",
     "read_container": "stream.container",
     "sample_names": "samples",
@@ -72,7 +71,6 @@ __all__ = [
     "encode",
     "load_mesh",
     "load_sample",
-    "quantize",
     "read_available",
     "read_container",
     "sample_names",

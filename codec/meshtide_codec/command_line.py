@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import typer
+    from rich.console import Console
 
 
 class ExitCode(IntEnum):
@@ -80,14 +81,23 @@ def run(app: typer.Typer) -> NoReturn:
             sys.exit(ExitCode.OK)
         _complain(f"meshtide: {explanation(error)}")
         sys.exit(exit_code(error))
-    except KeyboardInterrupt:
-        _complain("meshtide: interrupted")
-        sys.exit(ExitCode.INTERRUPTED)
+    except SystemExit as ending:  # typer turns Ctrl-C into a silent exit with this code
+        if ending.code == ExitCode.INTERRUPTED:
+            _complain("meshtide: interrupted")
+        raise
     sys.exit(ExitCode.OK)
 
 
 def _complain(line: str) -> None:
     sys.stderr.write(line + "\n")
+
+
+def wide_console() -> Console:
+    """A console for tables: as wide as the terminal, or wide enough where there is none."""
+    from rich.console import Console  # noqa: PLC0415 - heavy
+
+    console = Console()
+    return console if console.is_terminal else Console(width=140)
 
 
 @contextmanager

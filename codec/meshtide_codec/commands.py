@@ -171,10 +171,9 @@ def sphere(as_json: JsonOption = False) -> None:
     """
     from dataclasses import asdict
 
-    from rich.console import Console
     from rich.table import Table
 
-    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.command_line import progress_bar, wide_console
     from meshtide_codec.sphere import sphere_table
 
     with progress_bar("sphere") as progress:
@@ -194,7 +193,7 @@ def sphere(as_json: JsonOption = False) -> None:
             _figure(row.published_single),
             f"{1e4 * row.l2_error:.3f}",
         )
-    Console().print(table)
+    wide_console().print(table)
 
 
 def _levels(text: str) -> frozenset[int]:
@@ -223,11 +222,14 @@ def _print_json(answer: Mapping[str, Any]) -> None:
 
 
 def _print_report(report: Mapping[str, Any]) -> None:
-    from rich.console import Console
+    from rich import box
     from rich.table import Table
 
+    from meshtide_codec.command_line import wide_console
+
     kinds = list(report["bytes_by_kind"])
-    table = Table(title=f"profile {report['profile']}, B = {report['bits']}, predictor {_predictor(report)}")
+    title = f"profile {report['profile']}, B = {report['bits']}, predictor {_predictor(report)}"
+    table = Table(title=title, box=box.SIMPLE)
     for column in ("level", "vertices", "faces", *kinds, "bytes so far", "rms", "maximum"):
         table.add_column(column, justify="right")
     for row in report["levels"]:
@@ -243,7 +245,7 @@ def _print_report(report: Mapping[str, Any]) -> None:
     table.add_section()
     rates = (f"{report['bits_per_vertex_by_kind'][kind]:.2f}" for kind in kinds)
     table.add_row("bits/vertex", "", "", *rates, f"{report['bits_per_vertex']:.2f}", "", "")
-    Console().print(table)
+    wide_console().print(table)
 
 
 def _predictor(report: Mapping[str, Any]) -> str:

@@ -13,6 +13,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from meshtide_codec.errors import MeshError, MeshFileError
 from meshtide_codec.mesh import Mesh
 
@@ -79,6 +81,9 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
 
     path = Path(path)
     suffix = path.suffix.lower().lstrip(".")
+    if suffix == "ply":
+        write_atomically(path, _binary_ply(mesh))
+        return
     plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
     digits: Any = {"digits": TEXT_DIGITS} if suffix in TEXT_FORMATS else {}
     try:
@@ -88,6 +93,19 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     if not isinstance(data, bytes | str):
         raise MeshFileError(f"cannot write {path}: format {suffix!r} takes more than one file; try ply, obj or glb")
     write_atomically(path, data.encode() if isinstance(data, str) else data)
+
+
+def _binary_ply(mesh: Mesh) -> bytes:
+    """A binary PLY file in double precision (trimesh writes single, which moves the vertices of a large scan)."""
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment written by meshtide\n"
+        f"element vertex {len(mesh.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
+    rows["count"] = 3
+    rows["corners"] = mesh.faces
+    return header.encode() + mesh.vertices.astype("<f8").tobytes() + rows.tobytes()
 
 
 def write_atomically(path: Path, data: bytes) -> None:

@@ -208,7 +208,7 @@ def predict(
     [[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
     """
     check_points(adjacency, extension, "extension")
-    _check_coefficients(spec, coefficients)
+    check_coefficients(spec, coefficients)
     if spec.kind == "zeroth":
         return extension.copy()
     if spec.kind == "gaussian":
@@ -239,11 +239,7 @@ def divide(adjacency: Adjacency, values: NDArray[np.float64], denominator: NDArr
     Raises:
         ParamError: the denominator is not safely positive on [0, 2].
     """
-    if not is_safe_denominator(denominator):
-        raise ParamError(
-            f"the denominator with coefficients {denominator.tolist()} must lie above {SMALLEST_DENOMINATOR} "
-            f"on [0, 2], its values within a ratio of {LARGEST_DENOMINATOR_RATIO}"
-        )
+    _check_denominator(denominator)
     if not denominator.any():
         return values
     right_side = np.ascontiguousarray(values)
@@ -276,7 +272,8 @@ def is_safe_denominator(denominator: NDArray[np.float32]) -> bool:
     return lowest >= SMALLEST_DENOMINATOR and highest <= LARGEST_DENOMINATOR_RATIO * lowest
 
 
-def _check_coefficients(spec: FilterSpec, coefficients: NDArray[np.float32]) -> None:
+def check_coefficients(spec: FilterSpec, coefficients: NDArray[np.float32]) -> None:
+    """Raise ParamError unless `coefficients` (3, count) float32 are finite and a filter of `spec` can use them."""
     expected = (3, coefficient_count(spec))
     if coefficients.shape != expected or coefficients.dtype != np.float32:
         found = f"{coefficients.shape} of {coefficients.dtype}"
@@ -284,6 +281,17 @@ def _check_coefficients(spec: FilterSpec, coefficients: NDArray[np.float32]) -> 
     if not np.isfinite(coefficients).all():
         axis, place = np.argwhere(~np.isfinite(coefficients))[0].tolist()
         raise ParamError(f"coefficient {place} of coordinate {axis} is {coefficients[axis, place]}")
+    if spec.kind == "rational":
+        for denominator in coefficients[:, spec.degree + 1 :]:
+            _check_denominator(denominator)
+
+
+def _check_denominator(denominator: NDArray[np.float32]) -> None:
+    if not is_safe_denominator(denominator):
+        raise ParamError(
+            f"the denominator with coefficients {denominator.tolist()} must lie above {SMALLEST_DENOMINATOR} "
+            f"on [0, 2], its values within a ratio of {LARGEST_DENOMINATOR_RATIO}"
+        )
 
 
 def _check_integer(name: str, value: object, least: int, most: int) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.classic.hierarchy import cell_centres, containing_cells
+from meshtide_codec.classic.hierarchy import cell_centres, containing_cells, within_cube
 from meshtide_codec.classic.level_coding import decode_base, decode_diff, decode_map_conn, decode_param
 from meshtide_codec.classic.options import ClassicHeader
 from meshtide_codec.errors import ContainerError, MapConnError, PacketError
@@ -129,7 +129,7 @@ class ClassicDecoder:
             self._decode_waiting(packet.level)
         elif packet.kind is PacketKind.PARAM and packet.level < coarsest and self._coefficients:
             self._refuse_second(level.coefficients)
-            level.coefficients = decode_param(packet.payload, self._coefficients)
+            level.coefficients = decode_param(packet.payload, self._options.filter)
         elif packet.kind is PacketKind.DIFF and packet.level in self._options.levels_with_diff:
             self._refuse_second(level.differences)
             level.differences = decode_diff(packet.payload, level.vertices)
@@ -169,7 +169,7 @@ class ClassicDecoder:
         if level.adjacency is None:
             level.adjacency = build_adjacency(level.connectivity, level.vertices)
         coefficients = np.zeros((3, 0), np.float32) if level.coefficients is None else level.coefficients
-        prediction = predict(level.adjacency, extension, self._options.filter, coefficients)
+        prediction = within_cube(predict(level.adjacency, extension, self._options.filter, coefficients), self._bits)
         if level.differences is None:
             return prediction
         shift = self._options.shifts[number]

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.classic.hierarchy import HierarchyLevel, build_hierarchy, cell_centres, containing_cells
+from meshtide_codec.classic.hierarchy import (
+    HierarchyLevel,
+    build_hierarchy,
+    cell_centres,
+    containing_cells,
+    within_cube,
+)
 from meshtide_codec.classic.level_coding import encode_base, encode_diff, encode_map_conn, encode_param
 from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
 from meshtide_codec.filters import coefficient_count, predict
@@ -93,7 +99,7 @@ class ClassicEncoding:
         if coefficient_count(self.header.filter):
             coefficients = fit(adjacency, extension, true, self.header.filter)
             self._send(PacketKind.PARAM, number, encode_param(coefficients))
-        prediction = predict(adjacency, extension, self.header.filter, coefficients)
+        prediction = within_cube(predict(adjacency, extension, self.header.filter, coefficients), self._bits)
         if number in self.header.levels_with_diff:
             differences = level.cells.astype(np.int64) - containing_cells(prediction, level.shift, self._bits)
             self.differences[number] = differences

@@ -80,13 +80,21 @@ def cell_centres(cells: NDArray[np.integer], shift: int) -> NDArray[np.float64]:
     return (cells.astype(np.float64) + 0.5) * float(1 << shift) - 0.5
 
 
-def containing_cells(geometry: NDArray[np.float64], shift: int, bits: int) -> NDArray[np.int64]:
-    """The cells (n, 3) of that level which hold positions given in finest steps, or are nearest to them in the cube.
+def within_cube(geometry: NDArray[np.float64], bits: int) -> NDArray[np.float64]:
+    """Positions in finest steps, those outside of the cube taken to its border.
 
-    This is how a prediction is rounded: no true vertex lies outside of the cube, so no rounded prediction does.
+    No true vertex lies outside, so this only improves a prediction; and it bounds what a hostile stream can do.
+    """
+    return np.clip(geometry, -0.5, float(1 << bits) - 0.5)
+
+
+def containing_cells(geometry: NDArray[np.float64], shift: int, bits: int) -> NDArray[np.int64]:
+    """The cells (n, 3) of a level which hold positions inside the cube, given in finest steps.
+
+    This is how a prediction is rounded.
     """
     cells = np.floor((geometry + 0.5) / float(1 << shift))
-    return np.clip(cells, 0.0, float((1 << (bits - shift)) - 1)).astype(np.int64)
+    return np.minimum(cells, float((1 << (bits - shift)) - 1)).astype(np.int64)
 
 
 def _next_step(cells: NDArray[np.int32], bits_left: int, drop_bits: int, minimum_ratio: float) -> int | None:

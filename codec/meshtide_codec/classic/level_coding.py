@@ -21,6 +21,7 @@ from meshtide_codec.connectivity import decode_faces, encode_faces
 from meshtide_codec.entropy import codec as entropy
 from meshtide_codec.entropy.model_kernels import new_contexts
 from meshtide_codec.errors import BaseError, DiffError, MapConnError, ParamError
+from meshtide_codec.filters import FilterSpec, check_coefficients, coefficient_count
 from meshtide_codec.quantize import morton_codes, morton_positions
 from meshtide_codec.stream import plain_values
 
@@ -103,17 +104,17 @@ def encode_param(coefficients: NDArray[np.float32]) -> bytes:
     return coefficients.astype("<f4").tobytes()
 
 
-def decode_param(payload: bytes, count: int) -> NDArray[np.float32]:
-    """Coefficients (3, count) that `encode_param` wrote.
+def decode_param(payload: bytes, spec: FilterSpec) -> NDArray[np.float32]:
+    """Coefficients (3, count) of a filter of `spec`, as `encode_param` wrote them.
 
     Raises:
-        ParamError: another length, or a value that is not finite.
+        ParamError: another length, or values that such a filter cannot use.
     """
+    count = coefficient_count(spec)
     if len(payload) != 12 * count:
         raise ParamError(f"{len(payload)} bytes where {3 * count} coefficients take {12 * count}")
     coefficients = np.frombuffer(payload, "<f4").reshape(3, count).astype(np.float32)
-    if not np.isfinite(coefficients).all():
-        raise ParamError("a coefficient is not finite; the stream is damaged")
+    check_coefficients(spec, coefficients)
     return coefficients
 
 

@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from meshes import grid
+from meshtide_codec import commands
+from meshtide_codec.errors import MeshFileError, OptionError, StreamError, TruncatedError
+from meshtide_codec.files import load_mesh, save_mesh
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from click.testing import Result
+
+
+def meshtide(*arguments: object) -> Result:
+    app = typer.Typer()
+    commands.register(app)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=True)
+
+
+@pytest.fixture
+def mesh_file(tmp_path: Path) -> Path:
+    path = tmp_path / "grid.ply"
+    save_mesh(grid(16), path)
+    return path
+
+
+@pytest.fixture
+def stream_file(mesh_file: Path) -> Path:
+    result = meshtide("encode", mesh_file, "--bits", 8, "--coarsest-vertices", 12)
+    assert result.exit_code == 0, result.output
+    return mesh_file.with_suffix(".tide")
+
+
+def test_encode_then_decode(stream_file: Path, tmp_path: Path) -> None:
+    result = meshtide("decode", stream_file, "-o", tmp_path / "out.obj", "--json")
+    answer = json.loads(result.stdout)
+    assert answer["level"] == 0
+    assert answer["exact"] is True
+    assert answer["problem"] is None
+    assert len(load_mesh(tmp_path / "out.obj").vertices) == answer["vertices"] == 256
+
+
+def test_encode_reports_what_it_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "odd.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 0 9\nv 0 0 0\nf 1 2 3\nf 5 2 3\n")
+    answer = json.loads(meshtide("encode", path, "--json").stdout)
+    assert (answer["unreferenced_vertices"], answer["welded_vertices"], answer["dropped_faces"]) == (1, 1, 1)
+    kept = json.loads(meshtide("encode", path, "--json", "--keep-unreferenced").stdout)
+    assert (kept["unreferenced_vertices"], kept["vertices"]) == (0, 4)
+    text = meshtide("encode", path).stdout
+    assert "1 vertices without a face, 1 welded, 1 faces" in text
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--filter", "zeroth"],
+        ["--filter", "gaussian"],
+        ["--filter", "taubin"],
+        ["--degree", "5", "--basis", "chebyshev"],
+        ["--norm", "inf"],
+        ["--filter", "rational", "--degree", "1"],
+        ["-S", "2"],
+        ["--diff-levels", "0,1"],
+        ["-K", "2"],
+    ],
+    ids=" ".join,
+)
+def test_every_option_of_the_codec_can_be_chosen(mesh_file: Path, options: list[str]) -> None:
+    target = mesh_file.with_name("chosen.tide")
+    result = meshtide("encode", mesh_file, "-o", target, "--bits", 8, "--coarsest-vertices", 12, *options)
+    assert result.exit_code == 0, result.output
+    answer = json.loads(meshtide("decode", target, "--json").stdout)
+    assert answer["vertices"] == 256
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--bits", "3"], ["--filter", "magic"], ["--diff-levels", "a"], ["--norm", "3"], ["-S", "0"]],
+    ids=" ".join,
+)
+def test_options_out_of_range_write_nothing(mesh_file: Path, options: list[str]) -> None:
+    result = meshtide("encode", mesh_file, *options)
+    assert isinstance(result.exception, OptionError)
+    assert not mesh_file.with_suffix(".tide").exists()
+
+
+def test_info_tells_bytes_by_level_and_kind(stream_file: Path) -> None:
+    answer = json.loads(meshtide("info", stream_file, "--json").stdout)
+    assert answer["bytes"] == stream_file.stat().st_size
+    assert answer["vertices"] == 256
+    assert set(answer["bytes_by_kind"]) == {"Base", "Map&Conn", "Param", "Diff"}
+    text = meshtide("info", stream_file).stdout
+    assert "predictor polynomial (degree 3, basis power, norm 2.0)" in text
+    assert "Map&Conn" in text
+
+
+def test_info_compiles_and_loads_no_kernels(stream_file: Path) -> None:
+    script = (
+        "import sys, typer\nfrom meshtide_codec.commands import info\nfrom pathlib import Path\n"
+        f"info(Path({str(stream_file)!r}), as_json=True)\nassert 'numba' not in sys.modules, 'numba was loaded'"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+
+
+def test_a_coarser_level_can_be_decoded(stream_file: Path, tmp_path: Path) -> None:
+    answer = json.loads(meshtide("decode", stream_file, "--level", 2, "-o", tmp_path / "c.ply", "--json").stdout)
+    assert answer["level"] == 2
+    assert answer["vertices"] < 256
+    assert isinstance(meshtide("decode", stream_file, "--level", 50).exception, OptionError)
+
+
+def test_a_cut_off_file_is_refused_or_gives_its_best_level(stream_file: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.tide"
+    cut.write_bytes(stream_file.read_bytes()[:-10])
+    assert isinstance(meshtide("decode", cut).exception, TruncatedError)
+    assert not cut.with_suffix(".ply").exists()
+    result = meshtide("decode", cut, "--partial", "--json")
+    answer = json.loads(result.stdout)
+    assert answer["exact"] is False
+    assert "ends after" in answer["problem"]
+    assert cut.with_suffix(".ply").exists()
+    assert isinstance(meshtide("info", cut).exception, TruncatedError)
+    cut.write_bytes(stream_file.read_bytes()[:50])
+    assert isinstance(meshtide("decode", cut, "--partial").exception, TruncatedError)
+
+
+def test_files_that_are_not_what_is_asked_for(stream_file: Path, mesh_file: Path) -> None:
+    assert isinstance(meshtide("decode", mesh_file).exception, StreamError)
+    assert isinstance(meshtide("encode", stream_file).exception, MeshFileError)
+    assert isinstance(meshtide("encode", stream_file.with_name("nowhere.ply")).exception, FileNotFoundError)
+
+
+def test_the_spheres_table_stands_beside_the_published_one() -> None:
+    text = meshtide("sphere").stdout
+    assert "23.96" in text
+    assert "degree 7" in text
+
+
+def test_every_command_has_help_with_an_example() -> None:
+    for command in ("encode", "decode", "info", "sphere"):
+        text = meshtide(command, "--help").stdout
+        assert f"Example: meshtide {command}" in text

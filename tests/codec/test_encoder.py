@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshes import grid
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.encoder import encode, grid_diagonal
+from meshtide_codec.errors import OptionError
+from meshtide_codec.stream.container import read_container
+from meshtide_codec.stream.packets import PacketKind
+from streams import encoded_grid
+
+
+def test_packets_stand_in_the_order_of_tables_1_and_2() -> None:
+    encoded = encode(grid(16), ClassicOptions(bits=8, coarsest_vertices=12, variable_from=2))
+    coarsest = encoded.header.levels[0].level
+    assert coarsest >= 3
+    expected = [(PacketKind.BASE, coarsest)]
+    for level in range(coarsest - 1, -1, -1):
+        expected += [(PacketKind.MAP_CONN, level), (PacketKind.PARAM, level)]
+        if level != 1:
+            expected.append((PacketKind.DIFF, level))
+    assert [(packet.kind, packet.level) for packet in encoded.packets] == expected
+
+
+def test_the_file_holds_the_packets() -> None:
+    encoded = encoded_grid()
+    header, packets = read_container(encoded.to_bytes())
+    assert header == encoded.header
+    assert list(packets) == list(encoded.packets)
+
+
+def test_progress_goes_from_nothing_to_all() -> None:
+    stages: list[tuple[str, float]] = []
+    encode(grid(16), progress=lambda stage, fraction: stages.append((stage, fraction)))
+    assert stages[0] == ("quantize", 0.0)
+    assert stages[-1] == ("levels", 1.0)
+    levels = [fraction for stage, fraction in stages if stage == "levels"]
+    assert levels == sorted(levels)
+
+
+def test_parameters_of_a_filter_take_four_bytes_each() -> None:
+    encoded = encoded_grid(degree=2)
+    sizes = {len(packet.payload) for packet in encoded.packets if packet.kind is PacketKind.PARAM}
+    assert sizes == {4 * 3 * 3}
+
+
+def test_levels_that_there_are_not() -> None:
+    with pytest.raises(OptionError, match="predicted levels"):
+        encode(grid(5), ClassicOptions(sent_levels=frozenset({9})))
+
+
+def test_the_diagonal_of_a_point_is_one() -> None:
+    assert grid_diagonal(np.array([[5, 5, 5]], np.int32)) == 1.0
+    assert grid_diagonal(np.array([[0, 0, 0], [2, 3, 6]], np.int32)) == 7.0

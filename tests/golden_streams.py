@@ -1,0 +1,59 @@
+"""What the golden streams in tests/golden hold: meshes of integers only, so that every machine makes the same ones."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.filters import FilterSpec
+from meshtide_codec.mesh import Mesh
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def bowl() -> Mesh:
+    """A curved patch of 17 x 17 vertices."""
+    u, v = np.meshgrid(np.arange(17), np.arange(17), indexing="ij")
+    height = (u - 8) ** 2 + (v - 8) ** 2 // 2 + (u * v) % 3
+    corner = (u * 17 + v)[:-1, :-1].reshape(-1)
+    lower = np.stack([corner, corner + 17, corner + 1], axis=1)
+    upper = np.stack([corner + 1, corner + 17, corner + 18], axis=1)
+    return Mesh.checked(np.stack([8 * u, 8 * v, height], axis=-1).reshape(-1, 3), np.concatenate([lower, upper]))
+
+
+def tangle() -> Mesh:
+    """Triangles without any order: non-manifold edges, opposite faces, isolated and welded vertices."""
+    step = np.arange(120)
+    vertices = np.stack([step * 37 % 61, step * 23 % 59, step * 11 % 53], axis=1)
+    faces = np.stack([step, (step * 7 + 1) % 110, (step * 13 + 5) % 110], axis=1)
+    return Mesh.checked(np.concatenate([vertices, vertices[:9]]), np.concatenate([faces, faces[:20, ::-1]]))
+
+
+def _variant(make: Callable[[], Mesh], spec: FilterSpec, **options: object) -> Callable[[], EncodedMesh]:
+    return partial(
+        lambda: encode(make(), ClassicOptions(bits=8, coarsest_vertices=10, filter=spec, **options))  # type: ignore[arg-type]
+    )
+
+
+POWER = FilterSpec("polynomial", degree=3, basis="power")
+CHEBYSHEV = FilterSpec("polynomial", degree=3, basis="chebyshev")
+
+VARIANTS: dict[str, Callable[[], EncodedMesh]] = {
+    "classic-bowl-zeroth": _variant(bowl, FilterSpec("zeroth")),
+    "classic-bowl-gaussian": _variant(bowl, FilterSpec("gaussian")),
+    "classic-bowl-taubin": _variant(bowl, FilterSpec("taubin")),
+    "classic-bowl-power": _variant(bowl, POWER),
+    "classic-bowl-power-s2": _variant(bowl, POWER, variable_from=2),
+    "classic-bowl-power-single": _variant(bowl, POWER, variable_from=99),
+    "classic-bowl-power-levels": _variant(bowl, POWER, sent_levels=frozenset({0, 1})),
+    "classic-bowl-chebyshev": _variant(bowl, CHEBYSHEV),
+    "classic-bowl-chebyshev-s2": _variant(bowl, CHEBYSHEV, variable_from=2),
+    "classic-bowl-rational": _variant(bowl, FilterSpec("rational", degree=1, denominator_degree=1)),
+    "classic-bowl-k2": _variant(bowl, POWER, drop_bits=2),
+    "classic-tangle-power": _variant(tangle, POWER),
+}
