@@ -18,6 +18,7 @@ _COLLECTION = "meshes"
 _EXAMPLE = "http://localhost:8000/meshes/stanford-bunny"
 _SERVER_EXAMPLE = "http://localhost:8000"
 _LONGEST_MESH_ID = 200
+_MESH_PATH = re.compile(rf"(.*)/{_COLLECTION}/([^/]+?)(?:\.tide)?/?", re.DOTALL)
 _NOT_IN_FILE_NAMES = re.compile(r"[^\w.-]+")
 
 
@@ -98,11 +99,10 @@ class MeshAddress:
             OptionError: not such a URL; the message shows a good one.
         """
         server, path = _split(url, _EXAMPLE)
-        prefix, found, rest = path.rpartition(f"/{_COLLECTION}/")
-        rest = rest.rstrip("/").removesuffix("/stream").removesuffix(".tide")
-        if not found or not rest or "/" in rest:
+        found = _MESH_PATH.fullmatch(path.rstrip("/").removesuffix("/stream")) or _MESH_PATH.fullmatch(path)
+        if not found:
             raise OptionError(f"{url!r} names no mesh; write it like {_EXAMPLE}")
-        mesh = unquote(rest)
+        prefix, mesh = found[1], unquote(found[2])
         if len(mesh) > _LONGEST_MESH_ID:
             raise OptionError(f"the address names a mesh id of {len(mesh)} characters; {_LONGEST_MESH_ID} is the most")
         return cls(ServerAddress(server.secure, server.authority, prefix), mesh)

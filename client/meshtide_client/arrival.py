@@ -11,7 +11,7 @@ import random
 from contextlib import aclosing
 from typing import TYPE_CHECKING
 
-from meshtide_client.transport import receive_events
+from meshtide_client.transport import open_connection, receive_events
 from meshtide_codec.errors import PeerError, TransferError
 from meshtide_codec.stream.session import ClientSession, HeaderEvent, PacketEvent
 
@@ -77,9 +77,10 @@ class Arrival:
         while True:
             self._session = self._new_session()
             try:
-                async with aclosing(receive_events(self._address, self._session, self._link)) as events:
+                connection = await open_connection(self._address, self._link)
+                connected = True
+                async with aclosing(receive_events(connection, self._session, self._address, self._link)) as events:
                     async for event in events:
-                        connected = True
                         self._take(event)
                         yield event
             except (TransferError, PeerError) as error:
@@ -104,9 +105,7 @@ class Arrival:
             self._failures = 0
         elif isinstance(event, HeaderEvent) and not event.resumed:
             if self._holding.header is not None:
-                self._notify(
-                    f"the stream of {self._address.mesh} has changed on the server; the download starts over"
-                )
+                self._notify(f"the stream of {self._address.mesh} has changed on the server; the download starts over")
             self._holding.begin(event.header, event.header_bytes)
 
     async def _pause(self, error: TransferError | PeerError, connected: bool) -> None:

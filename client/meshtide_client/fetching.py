@@ -147,9 +147,7 @@ def fetch(
     destination.prepare()
     holding = destination.open(limits, notify)
     try:
-        reception = Reception(
-            address, holding, until=until, link=link, limits=limits, notify=notify, progress=progress
-        )
+        reception = Reception(address, holding, until=until, link=link, limits=limits, notify=notify, progress=progress)
         result = _run(_Fetch(address, destination, reception, on_level))
         if destination.output is not None:
             _save(result.mesh, destination.output)

@@ -127,7 +127,7 @@ class PartialFile(Holding):
         self._stored = reader.packets
         if problem is not None and not isinstance(problem, TruncatedError):
             self._notify(f"{self.path} is damaged ({problem}); its first {self.count} packets are sound and are used")
-        self._cut(reader.consumed)
+        self._cut(self.size)
 
     def _refuse(self, problem: StreamError | None) -> None:
         """The file has no sound header: start anew, and keep what may be somebody else's."""

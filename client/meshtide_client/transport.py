@@ -74,42 +74,7 @@ class Link:
             raise OptionError(f"the rate of a link must be positive, not {self.rate}")
 
 
-async def receive_events(address: MeshAddress, session: ClientSession, link: Link) -> AsyncGenerator[Event, None]:
-    """The events of `session` over one connection to `address`, until it is finished; close it to hang up early.
-
-    Raises:
-        TransferError: there is no connection, or it was lost.
-        ProtocolError: something answers that is not a meshtide server.
-        PeerError: the server refused.
-        StreamError: header or packet are damaged or over the limits.
-    """
-    socket = await _open(address, link)
-    backlog = _Backlog(socket, _BACKLOG_WINDOWS * link.window)
-    pump = asyncio.create_task(backlog.fill())
-    started = time.monotonic()
-    try:
-        await _send(socket, session.hello())
-        while not session.finished:
-            frame = await backlog.next(address, link.timeout)
-            events = session.receive(frame)
-            if (grant := session.credit_frame()) is not None:
-                await _send(socket, grant)
-            if link.rate is not None:
-                await asyncio.sleep(started + session.received_bytes / link.rate - time.monotonic())
-            for event in events:
-                yield event
-    except PeerError:
-        raise
-    except (ProtocolError, StreamError) as error:
-        with suppress(WebSocketException, OSError):
-            await socket.send(error_frame("protocol", str(error)))
-        raise
-    finally:
-        pump.cancel()
-        await socket.close()
-
-
-class _Connection(ClientConnection):
+class Connection(ClientConnection):
     """A connection that counts bytes as they come, also those of a frame that is not whole yet."""
 
     heard_bytes = 0
@@ -120,52 +85,13 @@ class _Connection(ClientConnection):
         super().data_received(data)
 
 
-class _Backlog:
-    """Frames that have arrived and wait for the session."""
+async def open_connection(address: MeshAddress, link: Link) -> Connection:
+    """A websocket to the stream of a mesh.
 
-    def __init__(self, socket: _Connection, limit: int) -> None:
-        self._socket = socket
-        self._limit = limit
-        self._bytes = 0
-        self._queue: deque[bytes | str | Exception] = deque()
-        self._arrived = asyncio.Event()
-
-    async def fill(self) -> None:
-        """Take frames off the socket until it is closed."""
-        try:
-            while self._bytes <= self._limit:
-                frame = await self._socket.recv()
-                self._bytes += len(frame)
-                self._put(frame)
-            self._put(ProtocolError("the server sends more than it was allowed"))
-        except ConnectionClosed as error:
-            self._put(error)
-
-    async def next(self, address: MeshAddress, patience: float) -> bytes | str:
-        """The next frame; waits as long as `patience` seconds bring more than answers to pings."""
-        while not self._queue:
-            heard = self._socket.heard_bytes
-            try:
-                async with asyncio.timeout(patience):
-                    await self._arrived.wait()
-            except TimeoutError:
-                if self._socket.heard_bytes - heard <= _PONG_BYTES:
-                    raise TransferError(f"nothing came from {address.server} for {patience:g} seconds") from None
-            self._arrived.clear()
-        frame = self._queue.popleft()
-        if isinstance(frame, ConnectionClosed):
-            raise _closed(frame, address) from frame
-        if isinstance(frame, Exception):
-            raise frame
-        self._bytes -= len(frame)
-        return frame
-
-    def _put(self, frame: bytes | str | Exception) -> None:
-        self._queue.append(frame)
-        self._arrived.set()
-
-
-async def _open(address: MeshAddress, link: Link) -> _Connection:
+    Raises:
+        TransferError: there is no connection.
+        ProtocolError: something answers that is not a meshtide server.
+    """
     try:
         connection = await connect(
             address.stream_url,
@@ -176,9 +102,9 @@ async def _open(address: MeshAddress, link: Link) -> _Connection:
             ping_timeout=None,  # on a slow link an answer queues behind a window of data; the backlog has its own clock
             close_timeout=_CLOSE_SECONDS,
             proxy=None if address.server.is_loopback else True,
-            create_connection=_Connection,
+            create_connection=Connection,
         )
-        assert isinstance(connection, _Connection)  # noqa: S101 - made right above
+        assert isinstance(connection, Connection)  # noqa: S101 - made right above
     except InvalidStatus as error:
         status = error.response.status_code
         if status in _BUSY_STATUSES:
@@ -199,9 +125,90 @@ async def _open(address: MeshAddress, link: Link) -> _Connection:
     return connection
 
 
-async def _send(socket: ClientConnection, frame: bytes) -> None:
+async def receive_events(
+    connection: Connection, session: ClientSession, address: MeshAddress, link: Link
+) -> AsyncGenerator[Event, None]:
+    """The events of `session` over `connection`, until it is finished; close it to hang up early.
+
+    Raises:
+        TransferError: the connection was lost.
+        ProtocolError: what answers is not a meshtide server.
+        PeerError: the server refused.
+        StreamError: header or packet are damaged or over the limits.
+    """
+    backlog = _Backlog(connection, _BACKLOG_WINDOWS * link.window)
+    pump = asyncio.create_task(backlog.fill())
+    started = time.monotonic()
+    try:
+        await _send(connection, session.hello())
+        while not session.finished:
+            frame = await backlog.next(address, link.timeout)
+            events = session.receive(frame)
+            if (grant := session.credit_frame()) is not None:
+                await _send(connection, grant)
+            if link.rate is not None:
+                await asyncio.sleep(started + session.received_bytes / link.rate - time.monotonic())
+            for event in events:
+                yield event
+    except PeerError:
+        raise
+    except (ProtocolError, StreamError) as error:
+        with suppress(WebSocketException, OSError):
+            await connection.send(error_frame("protocol", str(error)))
+        raise
+    finally:
+        pump.cancel()
+        await connection.close()
+
+
+class _Backlog:
+    """Frames that have arrived and wait for the session."""
+
+    def __init__(self, connection: Connection, limit: int) -> None:
+        self._connection = connection
+        self._limit = limit
+        self._bytes = 0
+        self._queue: deque[bytes | str | Exception] = deque()
+        self._arrived = asyncio.Event()
+
+    async def fill(self) -> None:
+        """Take frames off the socket until it is closed."""
+        try:
+            while self._bytes <= self._limit:
+                frame = await self._connection.recv()
+                self._bytes += len(frame)
+                self._put(frame)
+            self._put(ProtocolError("the server sends more than it was allowed"))
+        except ConnectionClosed as error:
+            self._put(error)
+
+    async def next(self, address: MeshAddress, patience: float) -> bytes | str:
+        """The next frame; waits as long as `patience` seconds bring more than answers to pings."""
+        while not self._queue:
+            heard = self._connection.heard_bytes
+            try:
+                async with asyncio.timeout(patience):
+                    await self._arrived.wait()
+            except TimeoutError:
+                if self._connection.heard_bytes - heard <= _PONG_BYTES:
+                    raise TransferError(f"nothing came from {address.server} for {patience:g} seconds") from None
+            self._arrived.clear()
+        frame = self._queue.popleft()
+        if isinstance(frame, ConnectionClosed):
+            raise _closed(frame, address) from frame
+        if isinstance(frame, Exception):
+            raise frame
+        self._bytes -= len(frame)
+        return frame
+
+    def _put(self, frame: bytes | str | Exception) -> None:
+        self._queue.append(frame)
+        self._arrived.set()
+
+
+async def _send(connection: Connection, frame: bytes) -> None:
     with suppress(ConnectionClosed):  # what the server said before it closed, and that it did, comes from the backlog
-        await socket.send(frame)
+        await connection.send(frame)
 
 
 def _closed(error: ConnectionClosed, address: MeshAddress) -> TransferError | ProtocolError:

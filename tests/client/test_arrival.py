@@ -1,0 +1,196 @@
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from meshtide_client.arrival import Arrival
+from meshtide_client.holding import Holding
+from meshtide_client.partial_file import PartialFile
+from meshtide_client.transport import Link
+from meshtide_codec.errors import PeerError, TransferError
+from meshtide_codec.stream.container import write_container
+from meshtide_codec.stream.session import DoneEvent, PacketEvent, Until
+from streams import MadeUpStream
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+STREAM = MadeUpStream((400, 900, 20, 300, 700, 10, 2000))
+WHOLE = write_container(STREAM.header, STREAM.packet_bytes)
+WINDOW = 256  # so small that most packets come in several parts
+LINK = Link(window=WINDOW, retries=2, delay=0.001, timeout=5.0)
+
+
+async def receive(
+    server: Any, holding: Holding, *, link: Link = LINK, until: Until | None = None
+) -> tuple[list[int], list[str]]:
+    """Receive everything; returns the indices of the packets that came, and what was told."""
+    sentences: list[str] = []
+    arrival = Arrival(server.address, holding, until=until or Until(), link=link, notify=sentences.append)
+    events = [event async for event in arrival.events()]
+    assert isinstance(events[-1], DoneEvent)
+    return [event.index for event in events if isinstance(event, PacketEvent)], sentences
+
+
+async def test_a_whole_stream_arrives(serving: Callable[..., Any], tmp_path: Path) -> None:
+    path = tmp_path / "a.tide"
+    async with serving(STREAM) as server:
+        file = PartialFile(path)
+        indices, sentences = await receive(server, file)
+        file.close()
+    assert indices == list(range(len(STREAM.packets)))
+    assert sentences == []
+    assert path.read_bytes() == WHOLE
+    assert server.paths == ["/meshes/vase/stream"]
+
+
+async def test_cut_after_every_frame_no_packet_is_sent_twice(serving: Callable[..., Any], tmp_path: Path) -> None:
+    cut = 0
+    mid_packet = 0
+    while True:
+        path = tmp_path / f"{cut}.tide"
+        async with serving(STREAM, cuts=[cut]) as server:
+            file = PartialFile(path)
+            await receive(server, file)
+            mid_packet += 0 < file.size < len(WHOLE)
+            file.close()
+        assert server.finished_packets == list(range(len(STREAM.packets)))
+        assert path.read_bytes() == WHOLE
+        if server.connections == 1:
+            break
+        cut += 1
+    assert cut > 20
+
+
+@hypothesis_settings(max_examples=25)
+@given(cuts=st.lists(st.integers(2, 12), max_size=6), restarts=st.sets(st.integers(0, 5)))
+def test_however_often_it_is_cut_no_packet_is_sent_twice(
+    serving_function: Callable[..., Any],
+    tmp_path_factory: pytest.TempPathFactory,
+    cuts: list[int],
+    restarts: set[int],
+) -> None:
+    """Connections are cut after random frames; after some of them the client is a new process with the same file."""
+    path = tmp_path_factory.mktemp("cuts") / "a.tide"
+
+    async def run() -> list[int]:
+        async with serving_function(STREAM, cuts=list(cuts)) as server:
+            done = False
+            while not done:
+                retries = 0 if server.connections in restarts else 20
+                file = PartialFile(path)
+                try:
+                    await receive(server, file, link=Link(window=WINDOW, retries=retries, delay=0.001))
+                    done = True
+                except TransferError as error:
+                    assert "was lost" in str(error)
+                file.close()
+            return list(server.finished_packets)
+
+    assert asyncio.run(run()) == list(range(len(STREAM.packets)))
+    assert path.read_bytes() == WHOLE
+
+
+async def test_giving_up_tells_what_is_held(serving: Callable[..., Any], tmp_path: Path) -> None:
+    path = tmp_path / "a.tide"
+    file = PartialFile(path)
+    async with serving(STREAM, cuts=[8, 1, 1, 1]) as server:
+        with pytest.raises(TransferError) as caught:
+            await receive(server, file)
+    file.close()
+    message = str(caught.value)
+    assert "the connection to http://127.0.0.1" in message
+    assert "after 2 more attempts" in message
+    assert "is complete" in message
+    assert str(path) in message
+    assert server.connections == 3
+
+
+async def test_packets_that_arrive_reset_the_count_of_retries(serving: Callable[..., Any]) -> None:
+    stream = MadeUpStream((100,) * 8)
+    async with serving(stream, cuts=[7, 2, 2, 2, 2]) as server:
+        holding = Holding()
+        await receive(server, holding)
+    assert holding.count == len(stream.packets)
+    assert server.connections == 6
+
+
+async def test_each_retry_is_told(serving: Callable[..., Any]) -> None:
+    async with serving(STREAM, cuts=[5]) as server:
+        _, sentences = await receive(server, Holding())
+    assert len(sentences) == 1
+    assert "trying again in" in sentences[0]
+    assert "(1 of 2)" in sentences[0]
+
+
+async def test_no_first_connection_is_not_retried(serving: Callable[..., Any]) -> None:
+    async with serving(STREAM) as server:
+        pass
+    with pytest.raises(TransferError, match="Connection refused; no level is complete yet"):
+        await receive(server, Holding())
+
+
+@pytest.mark.parametrize("code", ["not-ready", "shutting-down", "timeout"])
+async def test_a_passing_refusal_is_retried(serving: Callable[..., Any], code: str) -> None:
+    async with serving(STREAM, refusals=[(code, "later")]) as server:
+        indices, sentences = await receive(server, Holding())
+    assert len(indices) == len(STREAM.packets)
+    assert "later" in sentences[0]
+
+
+async def test_a_passing_refusal_that_does_not_pass_is_raised(serving: Callable[..., Any]) -> None:
+    async with serving(STREAM, refusals=[("not-ready", "later")] * 9) as server:
+        with pytest.raises(PeerError, match="later after 2 more attempts") as caught:
+            await receive(server, Holding())
+    assert caught.value.code == "not-ready"
+    assert server.connections == 3
+
+
+async def test_a_lasting_refusal_is_raised_at_once(serving: Callable[..., Any]) -> None:
+    async with serving(STREAM, refusals=[("unknown-mesh", "there is no such mesh")]) as server:
+        with pytest.raises(PeerError, match="there is no such mesh"):
+            await receive(server, Holding())
+    assert server.connections == 1
+
+
+async def test_a_stream_that_has_changed_starts_over(serving: Callable[..., Any], tmp_path: Path) -> None:
+    path = tmp_path / "a.tide"
+    other = MadeUpStream((300, 900, 20, 300), seed=7)
+    file = PartialFile(path)
+    file.begin(STREAM.header, STREAM.header_bytes)
+    file.append(0, STREAM.packet_bytes[0])
+    async with serving(other) as server:
+        indices, sentences = await receive(server, file)
+    file.close()
+    assert indices == list(range(len(other.packets)))
+    assert "has changed on the server" in sentences[0]
+    assert path.read_bytes() == write_container(other.header, other.packet_bytes)
+
+
+async def test_only_what_is_wanted_arrives(serving: Callable[..., Any]) -> None:
+    async with serving(STREAM) as server:
+        holding = Holding()
+        indices, _ = await receive(server, holding, until=Until(level=1))
+    assert indices == list(range(STREAM.header.entry(1).packet_count))
+
+
+async def test_bytes_are_counted_over_all_connections(serving: Callable[..., Any]) -> None:
+    async with serving(STREAM, cuts=[6]) as server:
+        arrival = Arrival(server.address, Holding(), until=Until(), link=LINK, notify=lambda _: None)
+        async for _ in arrival.events():
+            pass
+    expected = len(STREAM.header_bytes) + sum(len(data) for data in STREAM.packet_bytes)
+    assert expected <= arrival.received_bytes <= expected + max(len(data) for data in STREAM.packet_bytes)
+
+
+@pytest.fixture(name="serving_function", scope="module")
+def _serving_function(request: pytest.FixtureRequest) -> Callable[..., Any]:
+    """`serving` for tests that run many examples."""
+    plugin = request.config.pluginmanager.get_plugin(str(request.path.parent / "conftest.py"))
+    return plugin.serving  # type: ignore[union-attr, no-any-return]
