@@ -37,6 +37,11 @@ NEIGHBOUR = 4  # child of a neighbour of the common parent
 KNOWN_APEX = 5  # apex of the face behind the gate: would be that face turned over
 KINDS = 6
 
+# Which candidates are wanted
+UNBLOCKED = 0  # those that leave every edge with at most two faces
+BLOCKED_ONLY = 1  # the others
+EVERYTHING = 2
+
 
 class Candidates(NamedTuple):
     """A list of vertices to choose from, one row a candidate.
@@ -48,7 +53,7 @@ class Candidates(NamedTuple):
         coarse_face: (CAPACITY,) int32, coarse face below, or -1.
         weight: (CAPACITY,) int64, score, then exp(score - best score), then negative once refused.
         right: (CAPACITY,) int32, encoder: entry of the face in the index of true faces, or -1.
-        seen: (coarse vertices,) int32, last gate at which the children of a coarse vertex were listed.
+        seen: (coarse vertices,) int32, the last listing that the children of a coarse vertex were in.
     """
 
     vertex: NDArray[np.int32]
@@ -84,7 +89,7 @@ def _add_family(
     kind: int,
     coarse_face: int,
     number: int,
-    everything: bool,
+    wanted: int,
 ) -> int:
     """Append the vertices of [lowest, highest) that can be the apex; returns the new length."""
     for vertex in range(lowest, min(highest, lowest + CAPACITY - count)):
@@ -93,9 +98,11 @@ def _add_family(
         flags = int(vertices[vertex, half_edges.FLAGS]) if vertices[vertex, half_edges.MARK] == number else 0
         complete = vertices[vertex, half_edges.FACES] > 0 and vertices[vertex, half_edges.OPEN_EDGES] == 0
         if (flags & half_edges.BLOCKED) or vertex == ends_and_apex[2] or complete:
-            if not everything:
+            if wanted == UNBLOCKED:
                 continue
             flags = half_edges.BLOCKED
+        elif wanted == BLOCKED_ONLY:
+            continue
         candidates.vertex[count] = vertex
         candidates.kind[count] = kind if vertex != ends_and_apex[2] else KNOWN_APEX
         candidates.flags[count] = flags
@@ -113,12 +120,12 @@ def gather_apexes(
     second: int,
     known_apex: int,
     number: int,
-    everything: bool,
+    wanted: int,
 ) -> tuple[int, int, int]:
     """List the candidates for the apex of a face at the gate first -> second.
 
-    The surroundings must have been marked with `number`. Unless `everything` is wanted, blocked and complete vertices
-    are left out. Returns the number of candidates, of coarse faces at the edge below, and of those not accounted for.
+    The surroundings must have been marked with `number`. Complete vertices and the known apex count as blocked.
+    Returns the number of candidates, of coarse faces at the edge below, and of those not accounted for.
     """
     parents = fine.parents
     children = coarse.children
@@ -141,7 +148,7 @@ def gather_apexes(
             uncovered += 1 - kind
             count = _add_family(
                 candidates, vertices, count, children[apex], children[apex + 1],
-                ends_and_apex, kind, face, number, everything,
+                ends_and_apex, kind, face, number, wanted,
             )  # fmt: skip
             place += 1
         for end in range(2):
@@ -150,14 +157,14 @@ def gather_apexes(
             lowest = max(int(children[parent]), vertex - WINDOW)
             highest = min(int(children[parent + 1]), vertex + WINDOW + 1)
             count = _add_family(
-                candidates, vertices, count, lowest, highest, ends_and_apex, SIBLING, -1, number, everything
+                candidates, vertices, count, lowest, highest, ends_and_apex, SIBLING, -1, number, wanted
             )
         return count, below, uncovered
     lowest = int(children[first_parent])
     highest = int(children[first_parent + 1])
     if highest - lowest <= CAPACITY:
         count = _add_family(
-            candidates, vertices, count, lowest, highest, ends_and_apex, COMMON_SIBLING, -1, number, everything
+            candidates, vertices, count, lowest, highest, ends_and_apex, COMMON_SIBLING, -1, number, wanted
         )
     else:
         start = lowest
@@ -166,18 +173,19 @@ def gather_apexes(
             stop = min(highest, vertex + WINDOW + 1)
             start = max(start, vertex - WINDOW)
             count = _add_family(
-                candidates, vertices, count, start, stop, ends_and_apex, COMMON_SIBLING, -1, number, everything
+                candidates, vertices, count, start, stop, ends_and_apex, COMMON_SIBLING, -1, number, wanted
             )
             start = stop
-    candidates.seen[first_parent] = number
+    listing = 2 * number + (wanted & 1)
+    candidates.seen[first_parent] = listing
     stop = min(int(edges.start[first_parent + 1]), int(edges.start[first_parent]) + NEIGHBOUR_LIMIT)
     for place in range(edges.start[first_parent], stop):
         for side in range(2):
             neighbour = edges.target[place] if side == 0 else edges.apex[place]
-            if candidates.seen[neighbour] != number:
-                candidates.seen[neighbour] = number
+            if candidates.seen[neighbour] != listing:
+                candidates.seen[neighbour] = listing
                 count = _add_family(
                     candidates, vertices, count, children[neighbour], children[neighbour + 1],
-                    ends_and_apex, NEIGHBOUR, -1, number, everything,
+                    ends_and_apex, NEIGHBOUR, -1, number, wanted,
                 )  # fmt: skip
     return count, below, uncovered

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity.borrowing import borrowing_kernel
-from meshtide_codec.connectivity.candidate_kernels import gather_apexes
+from meshtide_codec.connectivity.candidate_kernels import EVERYTHING, gather_apexes
 from meshtide_codec.connectivity.coarse_kernels import APEX_SCAN_LIMIT, SPLIT
 from meshtide_codec.connectivity.decision_kernels import (
     AT_EXTRA_FACE,
     EXTRA_CONTEXTS,
-    EXTRA_DIRECTION_CONTEXT,
+    EXTRA_DIRECTION_CONTEXTS,
     borders,
     code_choice,
 )
@@ -24,7 +24,7 @@ from meshtide_codec.connectivity.level_kernels import (
     DONE,
     EXTRA_PASS,
     FACES_DONE,
-    add_face_anywhere,
+    add_chosen_face,
     next_number,
 )
 from meshtide_codec.connectivity.score_kernels import score_candidates
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from meshtide_codec.connectivity.decision_kernels import Models
     from meshtide_codec.connectivity.level_kernels import Level
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
-
-ADDED = 1
 
 
 @borrowing_kernel
@@ -81,7 +79,7 @@ def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, ha
             direction += 1
     if not code_adaptive_bit(coder, buffer, models.contexts, EXTRA_CONTEXTS + context, more):
         return DONE
-    direction = code_adaptive_bit(coder, buffer, models.contexts, EXTRA_DIRECTION_CONTEXT, direction & 1)
+    direction = code_adaptive_bit(coder, buffer, models.contexts, EXTRA_DIRECTION_CONTEXTS + (1 if state == half_edges.BORDER else 0), direction & 1)
     if direction:
         first, second = second, first
     if not level.encoding:
@@ -92,17 +90,14 @@ def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, ha
     row = code_choice(coder, buffer, models, AT_EXTRA_FACE, level.candidates, count, best, total, fine.vertices)
     if row < 0 or count == 0:
         return min(row, -2)
-    if level.encoding:
-        level.truth.done[level.truth.edges.face[level.candidates.right[row]]] = 1
-    status = add_face_anywhere(level, first, second, level.candidates.vertex[row])
-    return ADDED if status == DONE else status
+    return add_chosen_face(level, first, second, row)
 
 
 @borrowing_kernel
 def _gather(level: Level, first: int, second: int, known_apex: int) -> int:
     number = next_number(level)
     half_edges.mark_surroundings(level.fine, first, second, number)
-    count, _, _ = gather_apexes(level.candidates, level.coarse, level.fine, first, second, known_apex, number, True)
+    count, _, _ = gather_apexes(level.candidates, level.coarse, level.fine, first, second, known_apex, number, EVERYTHING)
     return count
 
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity.borrowing import borrowing_kernel
-from meshtide_codec.connectivity.candidate_kernels import gather_apexes
+from meshtide_codec.connectivity.candidate_kernels import BLOCKED_ONLY, UNBLOCKED, gather_apexes
 from meshtide_codec.connectivity.decision_kernels import (
+    AT_EXTRA_FACE,
     AT_GATE,
     borders,
     code_choice,
@@ -24,6 +25,7 @@ from meshtide_codec.connectivity.level_kernels import (
     FIRST_PASS,
     NOT_CLOSED,
     SECOND_PASS,
+    add_chosen_face,
     add_face_at_gate,
     next_number,
 )
@@ -86,13 +88,15 @@ def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: 
         half_edges.drop_gate(triangles, vertices, gate, first, second, half_edges.EXTRA)
         return DONE
     count, below, uncovered = gather_apexes(
-        level.candidates, level.coarse, fine, first, second, known_apex, number, False
+        level.candidates, level.coarse, fine, first, second, known_apex, number, UNBLOCKED
     )
     best, total = score_candidates(
         models.scores, level.geometric, level.candidates, count, fine.vertices, first, second, known_apex
     )
     if may_wait and total > DOUBTFUL:
         return DONE
+    at_border = borders(fine, first, second)
+    surroundings = (fine.parents[first] == fine.parents[second], below, uncovered, at_border)
     has_face = 0
     if level.encoding and find_right(level.truth, level.candidates, count, first, second):
         has_face = 1
@@ -101,18 +105,55 @@ def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: 
             return NOT_CLOSED
         has_face = 1
     elif count > 0:
-        shared = fine.parents[first] == fine.parents[second]
         has_face = code_gate_has_face(
-            coder, buffer, models, (shared, below, uncovered, borders(fine, first, second)),
-            count, level.candidates.flags[best], total, has_face,
-        )  # fmt: skip
-    if not has_face:
-        half_edges.drop_gate(triangles, vertices, gate, first, second, half_edges.BORDER)
-        vertices[first, half_edges.AT_BORDER] = 1
-        vertices[second, half_edges.AT_BORDER] = 1
+            coder, buffer, models, surroundings, count, int(level.candidates.flags[best]), total, has_face
+        )
+    if has_face:
+        row = code_choice(coder, buffer, models, AT_GATE, level.candidates, count, best, total, vertices)
+        if row < 0:
+            return row
+        add_face_at_gate(level, gate, row)
         return DONE
-    row = code_choice(coder, buffer, models, AT_GATE, level.candidates, count, best, total, vertices)
+    if not level.clean:
+        status = _code_blocked_apex(coder, buffer, models, level, (first, second, known_apex), number, surroundings)
+        if status != DONE:
+            return status
+    half_edges.drop_gate(triangles, vertices, gate, first, second, half_edges.BORDER)
+    vertices[first, half_edges.AT_BORDER] = 1
+    vertices[second, half_edges.AT_BORDER] = 1
+    return DONE
+
+
+@borrowing_kernel
+def _code_blocked_apex(
+    coder: Coder,
+    buffer: Buffer,
+    models: Models,
+    level: Level,
+    corners: tuple[int, int, int],
+    number: int,
+    surroundings: tuple[bool, int, int, int],
+) -> int:
+    """Code a face whose apex is blocked, or that there is none; returns ADDED, DONE or a negative status."""
+    first, second, known_apex = corners
+    candidates = level.candidates
+    vertices = level.fine.vertices
+    count, _, _ = gather_apexes(
+        candidates, level.coarse, level.fine, first, second, known_apex, number, BLOCKED_ONLY
+    )
+    if count == 0:
+        return DONE
+    best, total = score_candidates(
+        models.scores, level.geometric, candidates, count, vertices, first, second, known_apex
+    )
+    has_face = 0
+    if level.encoding and find_right(level.truth, candidates, count, first, second):
+        has_face = 1
+    if not code_gate_has_face(
+        coder, buffer, models, surroundings, count, half_edges.BLOCKED, total, has_face
+    ):
+        return DONE
+    row = code_choice(coder, buffer, models, AT_EXTRA_FACE, candidates, count, best, total, vertices)
     if row < 0:
         return row
-    add_face_at_gate(level, gate, row)
-    return DONE
+    return add_chosen_face(level, first, second, row)

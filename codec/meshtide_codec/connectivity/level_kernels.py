@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 # Places in Level.progress.
 FACES_DONE = 0
+ADDED = 1  # a face was added and there may be more
 NUMBER = 1  # of the last gate: marks of earlier gates are void
 FIRST_PASS = 2  # next half-edge that the first pass over the gates looks at
 SECOND_PASS = 3  # next half-edge that the second pass looks at
@@ -140,7 +141,7 @@ def _add_angles(vertices: NDArray[np.int32], first: int, second: int, apex: int)
 
 @borrowing_kernel
 def add_face_anywhere(level: Level, a: int, b: int, c: int) -> int:
-    """Add a face that no gate produced; returns DONE or what is wrong with it."""
+    """Add a face that no gate produced; returns ADDED or what is wrong with it."""
     if is_degenerate(a, b, c):
         return NO_SUCH_VERTEX
     triangle = level.progress[FACES_DONE]
@@ -150,4 +151,12 @@ def add_face_anywhere(level: Level, a: int, b: int, c: int) -> int:
     cover(level.coarse, level.fine, triangle)
     if level.geometric:
         _add_angles(level.fine.vertices, a, b, c)
-    return DONE
+    return ADDED
+
+
+@borrowing_kernel
+def add_chosen_face(level: Level, first: int, second: int, row: int) -> int:
+    """Add the face of two corners and the candidate at `row`; returns ADDED or what is wrong with it."""
+    if level.encoding:
+        level.truth.done[level.truth.edges.face[level.candidates.right[row]]] = 1
+    return add_face_anywhere(level, first, second, int(level.candidates.vertex[row]))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity.borrowing import borrowing_kernel
-from meshtide_codec.connectivity.candidate_kernels import CAPACITY, SIBLING, gather_apexes
+from meshtide_codec.connectivity.candidate_kernels import CAPACITY, EVERYTHING, SIBLING, gather_apexes
 from meshtide_codec.connectivity.coarse_kernels import SPLIT
 from meshtide_codec.connectivity.decision_kernels import (
     AT_CORNER,
@@ -22,7 +22,6 @@ from meshtide_codec.connectivity.decision_kernels import (
     OFFSET_CONTEXTS,
     code_choice,
 )
-from meshtide_codec.connectivity.extra_face_kernels import ADDED
 from meshtide_codec.connectivity.level_kernels import (
     DONE,
     FOREIGN_COARSE,
@@ -80,8 +79,7 @@ def code_seed(coder: Coder, buffer: Buffer, models: Models, level: Level, witnes
     coarse.covered[face] = 1
     if level.encoding and not finish_face(level.truth, corners[0], corners[1], corners[2]):
         return FOREIGN_COARSE
-    status = add_face_anywhere(level, corners[0], corners[1], corners[2])
-    return ADDED if status == DONE else status
+    return add_face_anywhere(level, corners[0], corners[1], corners[2])
 
 
 @borrowing_kernel
@@ -182,7 +180,7 @@ def _code_other_corners(coder: Coder, buffer: Buffer, models: Models, level: Lev
             right = int(edges.target[entry]) if place == 1 else int(edges.apex[entry])
         around = first if place == 1 else corners[1]
         count, _, _ = gather_apexes(
-            level.candidates, level.coarse, level.fine, first, around, NO_VERTEX, next_number(level), True
+            level.candidates, level.coarse, level.fine, first, around, NO_VERTEX, next_number(level), EVERYTHING
         )
         listed = 0
         if level.encoding:
@@ -198,5 +196,4 @@ def _code_other_corners(coder: Coder, buffer: Buffer, models: Models, level: Lev
         corners[place] = vertex
     if level.encoding:
         level.truth.done[level.truth.edges.face[level.progress[LEFTOVER_ENTRY]]] = 1
-    status = add_face_anywhere(level, first, corners[1], corners[2])
-    return ADDED if status == DONE else status
+    return add_face_anywhere(level, first, corners[1], corners[2])
