@@ -56,7 +56,7 @@ def serve(
     """Host meshes: each one is encoded once, then served as a file and as a stream.
 
     Options can also be set by environment variables, such as MESHTIDE_PORT; arguments win.
-    SIGTERM ends the server with exit code 0, Ctrl-C with 130.
+    SIGTERM and Ctrl-C end it politely, with exit code 0.
     """
     from pydantic import ValidationError
 
@@ -81,7 +81,7 @@ def serve(
     except ValidationError as error:
         raise typer.BadParameter(explanation(error)) from None
     set_up_log(settings.log_level)
-    raise typer.Exit(run(settings, announce=announce, ready_file=ready_file))
+    run(settings, announce=announce, ready_file=ready_file)
 
 
 def explanation(error: ValidationError) -> str:

@@ -1,7 +1,7 @@
 """Running the application: the socket, the log, the announcement, and a shutdown that tells everybody.
 
 SIGTERM and Ctrl-C (SIGINT) end the server within a few seconds: no new connections, an error frame and a close frame
-for each running stream, the encoder's process ended. `run` returns 0 after SIGTERM and 130 after Ctrl-C.
+for each running stream, the encoder's process ended. Both are the ordinary way to stop a server: the exit code is 0.
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 logger = logging.getLogger("meshtide.server")
 
 BACKLOG = 512
-INTERRUPTED = 130
 PING_SECONDS = 20.0
 _ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 - compared with, not bound to
 
@@ -95,8 +94,8 @@ class Announcement:
                 sys.stdout.flush()
 
 
-def run(settings: Settings, *, announce: bool = False, ready_file: Path | None = None) -> int:
-    """Serve until a signal comes; returns the exit code, 0 after SIGTERM and 130 after Ctrl-C.
+def run(settings: Settings, *, announce: bool = False, ready_file: Path | None = None) -> None:
+    """Serve until SIGTERM or SIGINT comes.
 
     Args:
         settings: what to host and where.
@@ -111,15 +110,13 @@ def run(settings: Settings, *, announce: bool = False, ready_file: Path | None =
         app = create_app(settings)
         announcement = Announcement(url_of(listener), on_output=announce, ready_file=ready_file)
         server = Server(configuration(app, settings), app, announcement)
-        received: list[int] = []
 
-        def note(number: int, _: FrameType | None) -> None:
-            received.append(number)
+        def stop(_: int, __: FrameType | None) -> None:
             server.should_exit = True
 
-        # While it runs, uvicorn listens to signals itself; it raises them again when it is done, and these note them.
-        # They also serve in the moments before and after that.
-        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+        # While it runs, uvicorn listens to signals itself. It raises them again when it is done, and this takes them;
+        # it also serves in the moments before and after that.
+        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             server.run([listener])
         finally:
@@ -128,8 +125,6 @@ def run(settings: Settings, *, announce: bool = False, ready_file: Path | None =
             if ready_file is not None:
                 with suppress(OSError):
                     ready_file.unlink()
-    logger.info("stopped")
-    return INTERRUPTED if received[-1:] == [signal.SIGINT] else 0
 
 
 def configuration(app: FastAPI, settings: Settings) -> uvicorn.Config:

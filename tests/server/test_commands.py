@@ -1,0 +1,87 @@
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from meshtide_server import serving
+from meshtide_server.commands import register
+from meshtide_server.settings import Settings
+
+
+@pytest.fixture
+def app() -> typer.Typer:
+    made = typer.Typer()
+    register(made)
+    return made
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Settings, bool, Path | None]]:
+    """What would have been run."""
+    made: list[tuple[Settings, bool, Path | None]] = []
+
+    def run(settings: Settings, *, announce: bool, ready_file: Path | None) -> None:
+        made.append((settings, announce, ready_file))
+
+    monkeypatch.setattr(serving, "run", run)
+    monkeypatch.setattr(serving, "set_up_log", lambda _: None)
+    return made
+
+
+def plain(output: str) -> str:
+    """Without the frame and the line breaks that typer draws."""
+    return " ".join(re.sub(r"[│╭╮╰╯─]|\x1b\[[0-9;]*m", " ", output).split())
+
+
+def test_arguments_become_settings(
+    app: typer.Typer, runs: list[tuple[Settings, bool, Path | None]], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MESHTIDE_PORT", "1234")
+    monkeypatch.setenv("MESHTIDE_HOST", "::1")
+    arguments = [str(folder), "--port", "0", "--cache", "c", "--bits", "10", "--log-level", "debug", "--announce"]
+    result = CliRunner().invoke(app, [*arguments, "--allow-origin", "https://a.example", "--allow-origin", "*"])
+    assert result.exit_code == 0, result.output
+    ((settings, announce, ready_file),) = runs
+    assert settings.directory == folder
+    assert (settings.port, settings.host, settings.bits, settings.log_level) == (0, "::1", 10, "debug")
+    assert settings.allowed_origins == ("https://a.example", "*")
+    assert not settings.samples
+    assert (announce, ready_file) == (True, None)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "nothing to host: give a DIRECTORY of meshes, or --samples"),
+        (["/nowhere/at/all"], "directory: there is no folder /nowhere/at/all"),
+        (["--samples", "--log-level", "loud"], "log_level: Input should be 'debug', 'info'"),
+        (["--samples", "--bits", "99"], "bits: Input should be less than or equal to 20"),
+        (["--samples", "--port", "70000"], "'--port': Input should be less than or equal to 65535"),
+    ],
+)
+def test_mistakes_are_usage_errors(
+    app: typer.Typer, runs: list[tuple[Settings, bool, Path | None]], arguments: list[str], words: str
+) -> None:
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2
+    assert words in plain(result.output)
+    assert runs == []
+
+
+def test_help_names_every_option(app: typer.Typer) -> None:
+    output = plain(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).output)
+    for option in ("--samples", "--host", "--port", "--cache", "--log-level", "--announce", "--ready-file"):
+        assert option in output
+
+
+def test_registering_is_cheap() -> None:
+    program = (
+        "import sys, meshtide_server.commands; "
+        "print([name for name in ('numpy', 'numba', 'fastapi', 'uvicorn', 'pydantic') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
