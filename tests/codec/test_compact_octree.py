@@ -35,7 +35,7 @@ def test_levels_group_the_finest_vertices_by_their_uppermost_bits(
     seed: int, vertices: int, faces: int, bits: int
 ) -> None:
     positions, triangles = random_soup(seed, vertices, faces, bits)
-    levels = build_octree(positions, triangles, bits)
+    levels = build_octree(positions, triangles, bits).levels
     assert [level.depth for level in levels] == list(range(bits + 1))
     owners = np.arange(len(positions))
     for depth in range(bits, -1, -1):
@@ -59,7 +59,7 @@ def test_levels_group_the_finest_vertices_by_their_uppermost_bits(
 @given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.integers(1, 6))
 def test_a_leaf_stays_as_it_is(seed: int, vertices: int, bits: int) -> None:
     positions, triangles = random_soup(seed, vertices, 30, bits)
-    levels = build_octree(positions, triangles, bits)
+    levels = build_octree(positions, triangles, bits).levels
     for coarse, fine in itertools.pairwise(levels):
         kept = coarse.leaves[fine.parents]
         assert (fine.leaves[kept]).all()
@@ -69,7 +69,7 @@ def test_a_leaf_stays_as_it_is(seed: int, vertices: int, bits: int) -> None:
 
 
 def test_a_single_vertex_is_a_leaf_at_once() -> None:
-    levels = build_octree(np.array([[5, 0, 7]], np.int32), np.zeros((0, 3), np.int32), 3)
+    levels = build_octree(np.array([[5, 0, 7]], np.int32), np.zeros((0, 3), np.int32), 3).levels
     assert all(level.all_leaves for level in levels)
     assert levels[3].cell_depths.tolist() == [0]
     assert levels[3].centres.tolist() == [[8, 8, 8]]
@@ -77,7 +77,7 @@ def test_a_single_vertex_is_a_leaf_at_once() -> None:
 
 def test_levels_above_which_nothing_splits_share_their_rings() -> None:
     positions = np.array([[0, 0, 0], [0, 0, 15], [0, 15, 0]], np.int32)
-    levels = build_octree(positions, np.array([[0, 1, 2]], np.int32), 4)
+    levels = build_octree(positions, np.array([[0, 1, 2]], np.int32), 4).levels
     assert levels[1].all_leaves
     assert levels[4].rings[1] is levels[1].rings[1]
 
@@ -110,7 +110,7 @@ def test_faces_and_rings_are_checked() -> None:
     with pytest.raises(MeshError, match="Map"):
         root.deepened()
     positions = np.array([[0, 0, 0], [0, 0, 1]], np.int32)
-    level = build_octree(positions, np.zeros((0, 3), np.int32), 1)[1]
+    level = build_octree(positions, np.zeros((0, 3), np.int32), 1).levels[1]
     bare = type(level)(level.depth, level.cells, level.cell_depths, level.leaves, level.parents)
     with pytest.raises(MeshError, match="not known yet"):
         _ = bare.rings

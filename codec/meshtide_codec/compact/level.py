@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.compact.ring_kernels import order_rings
+from meshtide_codec.compact.ring_kernels import find_across, order_rings
 from meshtide_codec.errors import MeshError
 from meshtide_codec.quantize import morton_codes
 
@@ -75,6 +75,11 @@ class Level:
             raise MeshError(f"the faces of depth {self.depth} are needed for what follows it, but are not known yet")
         return order_rings(self.faces, self.vertex_count)
 
+    @cached_property
+    def across(self) -> NDArray[np.int32]:
+        """For every slot of the rings the vertex across the triangle there, see `find_across`."""
+        return find_across(self.rings)
+
     def with_faces(self, faces: NDArray[np.integer]) -> Level:
         """This level with its triangles (m, 3); MeshError when they refer to vertices that do not exist."""
         checked = np.ascontiguousarray(faces, np.int32).reshape(-1, 3)
@@ -90,6 +95,7 @@ class Level:
         deeper = dataclasses.replace(self, depth=self.depth + 1, parents=identity)
         if self.faces is not None:
             deeper.__dict__["rings"] = self.rings
+            deeper.__dict__["across"] = self.across
         return deeper
 
 

@@ -8,6 +8,7 @@ O((n + m log m) depths until all cells are leaves).
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,8 +24,25 @@ if TYPE_CHECKING:
 SMALLEST_BITS = 1  # previews are coarser than what the quantizer takes for whole meshes
 
 
-def build_octree(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -> list[Level]:
-    """Levels of the depths 0 to `bits`, each with its faces in canonical form.
+@dataclasses.dataclass(frozen=True, eq=False)
+class Octree:
+    """All levels of a mesh, and the finest positions that they stand for.
+
+    Attributes:
+        bits: depth of the finest level.
+        positions: (n, 3) int32 finest positions in Morton order.
+        levels: the levels of depths 0 to `bits`, with faces.
+        first_vertices: per depth, (vertices,) int64: the first finest vertex in each cell, a leaf's only one.
+    """
+
+    bits: int
+    positions: NDArray[np.int32]
+    levels: list[Level]
+    first_vertices: list[NDArray[np.int64]]
+
+
+def build_octree(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -> Octree:
+    """The levels of the depths 0 to `bits` of a quantized mesh, each with its faces in canonical form.
 
     Args:
         positions: (n, 3) int32 in [0, 2^bits), pairwise different, in Morton order.
@@ -36,7 +54,7 @@ def build_octree(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: i
         OptionError: `bits` is out of range.
 
     >>> corners = np.array([[0, 0, 0], [0, 0, 1], [0, 3, 0], [3, 3, 3]], np.int32)
-    >>> levels = build_octree(corners, np.array([[0, 2, 3], [1, 2, 3]], np.int32), 2)
+    >>> levels = build_octree(corners, np.array([[0, 2, 3], [1, 2, 3]], np.int32), 2).levels
     >>> [(level.depth, level.vertex_count, len(level.faces)) for level in levels]
     [(0, 1, 0), (1, 3, 1), (2, 4, 2)]
     >>> levels[1].leaves.tolist()
@@ -52,7 +70,8 @@ def build_octree(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: i
         else:
             levels.append(_refined_level(coarse, positions, groups_of_levels[depth - 1], groups_of_levels[depth], bits))
     _attach_faces(levels, faces)
-    return levels
+    first_vertices = [groups[:-1] for groups in groups_of_levels]
+    return Octree(bits, np.ascontiguousarray(positions, np.int32), levels, first_vertices)
 
 
 def _checked_codes(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -> NDArray[np.int64]:

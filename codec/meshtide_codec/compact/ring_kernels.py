@@ -129,3 +129,47 @@ def order_rings(faces: Faces, vertices: int) -> Rings:
                 _reverse(members, chain_begin, count)
         starts[vertex + 1] = count
     return starts, members[:count].copy(), closed
+
+
+@kernel
+def find_across(rings: Rings) -> NDArray[np.int32]:
+    """For the ring slot of v that holds a, with b in the next slot: the vertex across edge (a, b) from v, or -1.
+
+    It is read from the ring of a, where b stands between v and the vertex asked for. Rings longer than RING_LIMIT
+    are passed over.
+    """
+    starts, members, closed = rings
+    across = np.full(len(members), -1, np.int32)
+    for vertex in range(len(closed)):
+        begin, end = starts[vertex], starts[vertex + 1]
+        if end - begin > RING_LIMIT:
+            continue
+        for slot in range(begin, end):
+            near = members[slot]
+            if slot + 1 < end:
+                other = members[slot + 1]
+            elif closed[vertex]:
+                other = members[begin]
+            else:
+                continue
+            near_begin, near_end = starts[near], starts[near + 1]
+            if near_end - near_begin > RING_LIMIT:
+                continue
+            for place in range(near_begin, near_end):
+                if members[place] != other:
+                    continue
+                after = before = -1
+                if place + 1 < near_end:
+                    after = members[place + 1]
+                elif closed[near]:
+                    after = members[near_begin]
+                if place > near_begin:
+                    before = members[place - 1]
+                elif closed[near]:
+                    before = members[near_end - 1]
+                if before == vertex:
+                    across[slot] = after
+                elif after == vertex:
+                    across[slot] = before
+                break
+    return across

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     Weights = NDArray[np.int32]
     Opinions = NDArray[np.int64]
 
+INPUTS = 6
 WEIGHT_BITS = 14
 WEIGHT_ONE = 1 << WEIGHT_BITS
 WEIGHT_LIMIT = 8 * WEIGHT_ONE  # weights are kept within +-8
@@ -82,9 +83,33 @@ STRETCH = stretch_table()
 SQUASH = squash_table()
 
 
-def new_weights(count: int, inputs: int, total: float) -> Weights:
-    """`count` neurons of `inputs` equal weights that sum to `total`, as one flat int32 array."""
-    return np.full(count * inputs, int(WEIGHT_ONE * total / inputs), np.int32)
+def new_weights(neurons: int, total: float) -> Weights:
+    """Equal weights that sum to `total` for each of the neurons, as one flat int32 array."""
+    return np.full(neurons * INPUTS, int(WEIGHT_ONE * total / INPUTS), np.int32)
+
+
+@inlined_kernel
+def hear(contexts: Contexts, place: int, sign: int) -> int:
+    """The stretched probability of a one by the context at `place`, or of a zero when `sign` is -1."""
+    return int(STRETCH[np.uintp(contexts[np.uintp(place)] >> 12)]) * sign
+
+
+@inlined_kernel
+def teach(contexts: Contexts, place: int, sign: int, limit: int, bit: int) -> None:
+    """Let the context at `place` learn the decision; its count is capped at `limit`."""
+    context = int(contexts[np.uintp(place)])
+    count = context & 255
+    probability = context >> 8
+    target = 65535 if (bit == 1) == (sign > 0) else 0
+    probability += ((target - probability) * ADAPTATION_RATES[np.uintp(count)]) >> 16
+    contexts[np.uintp(place)] = (probability << 8) | min(count + 1, limit)
+
+
+@inlined_kernel
+def shift_weight(weights: Weights, place: int, stretched: int, error: int, rate: int) -> None:
+    """Move a weight by its input times the error, in steps shifted right by `rate`."""
+    weight = weights[np.uintp(place)] + ((stretched * error + (1 << (rate - 1))) >> rate)
+    weights[np.uintp(place)] = min(max(weight, -WEIGHT_LIMIT), WEIGHT_LIMIT)
 
 
 @inlined_kernel
@@ -93,40 +118,50 @@ def code_mixed_bit(
     buffer: Buffer,
     contexts: Contexts,
     weights: Weights,
-    first_weight: int,
+    neuron: int,
     places: Opinions,
     signs: Opinions,
-    stretched: Opinions,
-    inputs: int,
     rate: int,
     limit: int,
     bit: int,
 ) -> int:
-    """Code one decision by mixing `inputs` contexts; contexts and weights learn from it.
+    """Code one decision by mixing INPUTS contexts with a neuron; contexts and weights learn from it.
 
-    `places` and `signs` hold each input's index into `contexts` and its sign (+1, -1); `first_weight` is the neuron's
-    first weight; `stretched` is scratch of at least `inputs` elements. Weights move by steps shifted right by `rate`
-    (larger learns slower); the contexts' counts are capped at `limit` (at most COUNT_LIMIT).
+    `places` and `signs` hold each input's index into `contexts` and its sign (+1, -1); `neuron` counts in groups of
+    INPUTS weights. `rate` slows the weights' learning; `limit` caps the contexts' counts (at most COUNT_LIMIT).
+    Written out for each input: this is the innermost loop of the whole codec.
     """
-    total = 0
-    for opinion in range(inputs):
-        value = STRETCH[contexts[places[opinion]] >> 12] * signs[opinion]
-        stretched[opinion] = value
-        total += weights[first_weight + opinion] * value
-    total >>= WEIGHT_BITS
-    total = min(max(total, -STRETCH_LIMIT), STRETCH_LIMIT)
-    probability = int(SQUASH[total + STRETCH_LIMIT + 1])
+    place_0, place_1, place_2 = places[0], places[1], places[2]
+    place_3, place_4, place_5 = places[3], places[4], places[5]
+    sign_0, sign_1, sign_2 = signs[0], signs[1], signs[2]
+    sign_3, sign_4, sign_5 = signs[3], signs[4], signs[5]
+    opinion_0 = hear(contexts, place_0, sign_0)
+    opinion_1 = hear(contexts, place_1, sign_1)
+    opinion_2 = hear(contexts, place_2, sign_2)
+    opinion_3 = hear(contexts, place_3, sign_3)
+    opinion_4 = hear(contexts, place_4, sign_4)
+    opinion_5 = hear(contexts, place_5, sign_5)
+    first = neuron * INPUTS
+    total = weights[np.uintp(first)] * opinion_0
+    total += weights[np.uintp(first + 1)] * opinion_1
+    total += weights[np.uintp(first + 2)] * opinion_2
+    total += weights[np.uintp(first + 3)] * opinion_3
+    total += weights[np.uintp(first + 4)] * opinion_4
+    total += weights[np.uintp(first + 5)] * opinion_5
+    total = min(max(total >> WEIGHT_BITS, -STRETCH_LIMIT), STRETCH_LIMIT)
+    probability = int(SQUASH[np.uintp(total + STRETCH_LIMIT + 1)])
     bit = code_bit(coder, buffer, probability, bit)
     error = (bit << 16) - probability
-    for opinion in range(inputs):
-        weight = weights[first_weight + opinion] + ((stretched[opinion] * error + (1 << (rate - 1))) >> rate)
-        weights[first_weight + opinion] = min(max(weight, -WEIGHT_LIMIT), WEIGHT_LIMIT)
-        context = int(contexts[places[opinion]])
-        chance = context >> 8
-        count = context & 255
-        target = 65535 if (bit == 1) == (signs[opinion] > 0) else 0
-        chance += ((target - chance) * ADAPTATION_RATES[count]) >> 16
-        if count < limit:
-            count += 1
-        contexts[places[opinion]] = (chance << 8) | count
+    shift_weight(weights, first, opinion_0, error, rate)
+    shift_weight(weights, first + 1, opinion_1, error, rate)
+    shift_weight(weights, first + 2, opinion_2, error, rate)
+    shift_weight(weights, first + 3, opinion_3, error, rate)
+    shift_weight(weights, first + 4, opinion_4, error, rate)
+    shift_weight(weights, first + 5, opinion_5, error, rate)
+    teach(contexts, place_0, sign_0, limit, bit)
+    teach(contexts, place_1, sign_1, limit, bit)
+    teach(contexts, place_2, sign_2, limit, bit)
+    teach(contexts, place_3, sign_3, limit, bit)
+    teach(contexts, place_4, sign_4, limit, bit)
+    teach(contexts, place_5, sign_5, limit, bit)
     return bit

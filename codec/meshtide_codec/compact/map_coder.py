@@ -1,0 +1,166 @@
+"""Map packets: from one depth's cells to the next depth's, reliable data only.
+
+A Map tells for each cell that is not a leaf which of its eight children are occupied, and which of those are leaves.
+Model states are carried along from Map to Map: Maps are reliable and arrive in order. The format of the payload is
+`map_kernels.code_map` over the range coder.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshtide_codec.compact import map_kernels
+from meshtide_codec.compact.level import Level
+from meshtide_codec.compact.mirror import mirrored_cells
+from meshtide_codec.entropy.codec import encoded, fully_read, opened
+from meshtide_codec.errors import MapConnError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from meshtide_codec.compact.mirror import Mirror
+    from meshtide_codec.compact.models import Models
+    from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
+
+PACKET = "Map&Conn"
+
+
+def encode_map(coarse: Level, fine: Level, bits: int, models: Models, mirror: Mirror | None = None) -> bytes:
+    """The Map from `coarse`, whose faces are known, to `fine` at the next depth; `models` learn from it.
+
+    Args:
+        coarse: level of depth b - 1 with faces; not all of its cells are leaves.
+        fine: level of depth b, as `build_octree` made it.
+        bits: depth of the finest level.
+        models: states after the previous Map; they go on to the states after this one.
+        mirror: the stream's mirror plane, if it has one.
+    """
+    occupied, leaf = _child_bits(coarse, fine)
+    seen = models.copy()
+
+    def write(coder: Coder, buffer: Buffer) -> None:
+        nonlocal seen
+        seen = models.copy()
+        _run(coder, buffer, seen, coarse, bits, mirror, occupied, leaf, vertex_limit=2 * fine.vertex_count)
+
+    payload = encoded(write, expected_bytes=fine.vertex_count)
+    models.adopt(seen)
+    return payload
+
+
+def decode_map(
+    payload: bytes | memoryview,
+    coarse: Level,
+    bits: int,
+    models: Models,
+    vertex_count: int,
+    mirror: Mirror | None = None,
+) -> Level:
+    """The level of the next depth, without faces, from a Map; `models` learn from it.
+
+    Args:
+        payload: what `encode_map` returned.
+        coarse: level of depth b - 1 with faces; not all of its cells are leaves.
+        bits: depth of the finest level.
+        models: states after the previous Map; left as they are when the payload is damaged.
+        vertex_count: finest vertices of the mesh, from the stream header.
+        mirror: the stream's mirror plane, if it has one.
+
+    Raises:
+        MapConnError: the payload claims more vertices than the mesh has, is too long, or does not add up.
+    """
+    depth = coarse.depth + 1
+    if coarse.all_leaves or depth > bits:
+        raise MapConnError(f"a Map for depth {depth} is out of place: nothing is left to split", packet=PACKET)
+    coder, buffer = opened(payload)
+    seen = models.copy()
+    occupied = np.zeros(coarse.vertex_count, np.uint8)
+    leaf = np.zeros(coarse.vertex_count, np.uint8)
+    children = _run(coder, buffer, seen, coarse, bits, mirror, occupied, leaf, vertex_limit=vertex_count)
+    if children == map_kernels.TOO_MANY_VERTICES:
+        raise MapConnError(
+            f"the Map of depth {depth} claims more than the {vertex_count} vertices of the header; it is damaged",
+            packet=PACKET,
+        )
+    if not fully_read(coder, payload):
+        raise MapConnError(
+            f"the Map of depth {depth} goes on for {len(payload)} bytes where fewer are needed; it is damaged",
+            packet=PACKET,
+        )
+    fine = _level_of_children(coarse, occupied, leaf, children)
+    if fine.all_leaves and fine.vertex_count != vertex_count:
+        raise MapConnError(
+            f"all {fine.vertex_count} cells of depth {depth} are leaves, but the header promises {vertex_count} "
+            "vertices; one of them is damaged",
+            packet=PACKET,
+        )
+    models.adopt(seen)
+    return fine
+
+
+def _run(
+    coder: Coder,
+    buffer: Buffer,
+    models: Models,
+    coarse: Level,
+    bits: int,
+    mirror: Mirror | None,
+    occupied: NDArray[np.uint8],
+    leaf: NDArray[np.uint8],
+    vertex_limit: int,
+) -> int:
+    images, axis = mirrored_cells(coarse, mirror)
+    return int(
+        map_kernels.code_map(
+            coder,
+            buffer,
+            models.contexts,
+            models.weights,
+            coarse.centres,
+            coarse.leaves,
+            (coarse.depth - coarse.cell_depths).astype(np.uint8),
+            coarse.rings,
+            images,
+            axis,
+            occupied,
+            leaf,
+            coarse.depth + 1 == bits,
+            vertex_limit,
+        )
+    )
+
+
+def _child_bits(coarse: Level, fine: Level) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """For each coarse cell its children's octants as bits, and those of them that are leaves; 0 for leaves."""
+    fresh = fine.cell_depths == fine.depth
+    octants = (fine.cells[fresh] & 1) @ np.array([4, 2, 1], np.int32)
+    bits = (1 << octants).astype(np.uint8)
+    parents = fine.parents[fresh]
+    occupied = np.zeros(coarse.vertex_count, np.uint8)
+    leaf = np.zeros(coarse.vertex_count, np.uint8)
+    np.bitwise_or.at(occupied, parents, bits)
+    np.bitwise_or.at(leaf, parents, np.where(fine.leaves[fresh], bits, 0).astype(np.uint8))
+    return occupied, leaf
+
+
+def _level_of_children(coarse: Level, occupied: NDArray[np.uint8], leaf: NDArray[np.uint8], children: int) -> Level:
+    """The level that a decoded Map describes; leaves pass on as they are."""
+    cells = np.empty((children, 3), np.int32)
+    cell_depths = np.empty(children, np.uint8)
+    leaves = np.empty(children, np.bool_)
+    parents = np.empty(children, np.int32)
+    map_kernels.expand_cells(
+        coarse.cells,
+        coarse.cell_depths,
+        coarse.leaves,
+        occupied,
+        leaf,
+        coarse.depth + 1,
+        cells,
+        cell_depths,
+        leaves,
+        parents,
+    )
+    return Level(coarse.depth + 1, cells, cell_depths, leaves, parents)
