@@ -310,7 +310,7 @@ def guess_across(
     predictions: Predictions,
     classes: Classes,
 ) -> None:
-    """Set ACROSS: parallelograms over the ring's edges, from the vertex across each; the ring's slots go from `begin`."""
+    """Set ACROSS: parallelograms over the ring's edges, from the vertices across them; `begin` is the first slot."""
     row = np.uintp(vertex)
     own_x, own_y, own_z = rows[row, 0], rows[row, 1], rows[row, 2]
     sum_x = sum_y = sum_z = total = 0.0
