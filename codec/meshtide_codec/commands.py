@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from meshtide_codec.stream.header import StreamHeader
+    from meshtide_codec.stream.packets import Packet
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 
@@ -146,6 +147,7 @@ def decode(
 
 def info(
     stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
+    statistics: Annotated[bool, typer.Option(help="Read the Diffs too: Shannon's bound, power law, l2 error.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Tell what a .tide stream holds: bytes by level and kind, bits per vertex, predictor.
@@ -156,6 +158,8 @@ def info(
 
     header, packets, problem = read_available(stream.read_bytes())
     report = _report(header) | {"packets_present": len(packets), "problem": None if problem is None else str(problem)}
+    if statistics:
+        report["differences"] = _difference_statistics(header, packets)
     if as_json:
         _print_json(report)
     else:
@@ -215,6 +219,16 @@ def _report(header: StreamHeader) -> dict[str, Any]:
     return stream_report(header, len(header.to_bytes()))
 
 
+def _difference_statistics(header: StreamHeader, packets: Sequence[Packet]) -> list[dict[str, Any]]:
+    from dataclasses import asdict
+
+    from meshtide_codec.classic.difference_statistics import difference_statistics
+    from meshtide_codec.command_line import progress_bar
+
+    with progress_bar("statistics"):
+        return [asdict(row) for row in difference_statistics(header, packets)]
+
+
 def _print_json(answer: Mapping[str, Any]) -> None:
     import json
 
@@ -245,6 +259,29 @@ def _print_report(report: Mapping[str, Any]) -> None:
     table.add_section()
     rates = (f"{report['bits_per_vertex_by_kind'][kind]:.2f}" for kind in kinds)
     table.add_row("bits/vertex", "", "", *rates, f"{report['bits_per_vertex']:.2f}", "", "")
+    wide_console().print(table)
+    if "differences" in report:
+        _print_difference_statistics(report["differences"])
+
+
+def _print_difference_statistics(rows: Sequence[Mapping[str, Any]]) -> None:
+    from rich import box
+    from rich.table import Table
+
+    from meshtide_codec.command_line import wide_console
+
+    table = Table(title="Diffs, bits per vertex of their level", box=box.SIMPLE)
+    for column in ("level", "bits", "Shannon's bound", "alpha", "a", "l2 error/vertex x 1e4"):
+        table.add_column(column, justify="right")
+    for row in rows:
+        table.add_row(
+            str(row["level"]),
+            f"{row['bits'] / row['vertices']:.2f}",
+            f"{row['shannon_bits'] / row['vertices']:.2f}",
+            f"{row['alpha']:.2f}",
+            f"{row['a']:.3g}",
+            f"{1e4 * row['l2_error_per_vertex']:.3f}",
+        )
     wide_console().print(table)
 
 

@@ -104,6 +104,14 @@ def test_info_tells_bytes_by_level_and_kind(stream_file: Path) -> None:
     assert "Map&Conn" in text
 
 
+def test_info_with_statistics_of_the_diffs(stream_file: Path) -> None:
+    answer = json.loads(meshtide("info", stream_file, "--statistics", "--json").stdout)
+    levels = [row["level"] for row in answer["differences"]]
+    assert levels == [row["level"] for row in answer["levels"]][1:]
+    assert all(row["shannon_bits"] > 0 for row in answer["differences"])
+    assert "Shannon's bound" in meshtide("info", stream_file, "--statistics").stdout
+
+
 def test_info_compiles_and_loads_no_kernels(stream_file: Path) -> None:
     script = (
         "import sys, typer\nfrom meshtide_codec.commands import info\nfrom pathlib import Path\n"

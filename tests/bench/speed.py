@@ -1,0 +1,69 @@
+"""Time of encoding and decoding, profile classic: python tests/bench/speed.py [--sizes 10000 100000 1000000]
+
+Process time of this thread after one warming run, over several runs: minimum, median, maximum, in seconds; and
+microseconds per vertex, which stay the same where the cost grows linearly.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from typing import TYPE_CHECKING, TypeVar
+
+from large_meshes import wavy_torus
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.decoder import decode
+from meshtide_codec.encoder import encode
+from meshtide_codec.filters import FilterSpec
+from meshtide_codec.samples import load_sample
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from meshtide_codec.mesh import Mesh
+
+Result = TypeVar("Result")
+
+
+def timed(work: Callable[[], Result], runs: int) -> tuple[Result, list[float]]:
+    """The result of `work` and the thread's processor time of each run, sorted."""
+    result = work()
+    seconds = []
+    for _ in range(runs):
+        start = time.thread_time()
+        result = work()
+        seconds.append(time.thread_time() - start)
+    return result, sorted(seconds)
+
+
+def report(name: str, mesh: Mesh, options: ClassicOptions, runs: int) -> None:
+    """Print one mesh's line."""
+    encoded, encoding = timed(lambda: encode(mesh, options), runs)
+    data = encoded.to_bytes()
+    _, decoding = timed(lambda: decode(data), runs)
+    vertices = encoded.header.vertices
+    for kind, seconds in (("encode", encoding), ("decode", decoding)):
+        middle = statistics.median(seconds)
+        print(
+            f"{name:16} {vertices:8} vertices {kind} {seconds[0]:7.3f} {middle:7.3f} {seconds[-1]:7.3f} s"
+            f" {1e6 * middle / vertices:6.2f} us/vertex"
+        )
+
+
+def main() -> None:
+    """Time the bunny and the made meshes."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sizes", type=int, nargs="*", default=[10_000, 100_000, 1_000_000])
+    parser.add_argument("--degree", type=int, default=3)
+    parser.add_argument("--runs", type=int, default=5)
+    arguments = parser.parse_args()
+    options = ClassicOptions(bits=12, filter=FilterSpec("polynomial", degree=arguments.degree))
+    report("stanford-bunny", load_sample("stanford-bunny"), options, arguments.runs)
+    for size in arguments.sizes:
+        fine = ClassicOptions(bits=16, filter=options.filter)  # at 12 bits a million vertices would weld
+        report("wavy torus", wavy_torus(size), fine, arguments.runs)
+
+
+if __name__ == "__main__":
+    main()
