@@ -30,7 +30,7 @@ def serve(
         typer.Option(help="Folder for encoded streams.", show_default="beside the meshes, else the user's cache"),
     ] = None,
     bits: Annotated[
-        int | None, typer.Option(help="Bits per coordinate for meshes encoded here.", show_default="12")
+        int | None, typer.Option("-B", "--bits", help="Bits per coordinate for meshes encoded here.", show_default="12")
     ] = None,
     allow_origin: Annotated[
         list[str] | None, typer.Option(help="Web origin whose pages may read the meshes; * for all. May be repeated.")

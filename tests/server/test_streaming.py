@@ -26,6 +26,7 @@ from meshtide_codec.stream.messages import (
     encode_message,
 )
 from meshtide_codec.stream.session import ClientSession, DoneEvent, HeaderEvent, PacketEvent, Until, error_frame
+from meshtide_server.hosted_mesh import HostedMesh, Source
 from meshtide_server.settings import Settings
 
 from .conftest import LiveServer, make_stream, running
@@ -170,6 +171,20 @@ def test_failed_mesh(live: LiveServer) -> None:
         error, closed = refusal(connection)
     assert (error.code, close_code(closed)) == ("mesh-failed", 1011)
     assert "the file ends after" in error.message
+
+
+def test_a_mesh_that_is_being_encoded_says_how_far_it_is(live: LiveServer) -> None:
+    mesh = HostedMesh("later", Source("later.obj"))
+    mesh.advance("levels", 0.42)
+    meshes = live.app.state.library._meshes
+    meshes["later"] = mesh
+    try:
+        with join(live, "later") as connection:
+            error, closed = refusal(connection)
+    finally:
+        del meshes["later"]
+    assert (error.code, close_code(closed)) == ("not-ready", 1013)
+    assert "levels, 42%" in error.message
 
 
 @pytest.mark.parametrize(
