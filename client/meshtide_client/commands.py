@@ -30,17 +30,22 @@ def fetch(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Mesh file to write; default: the mesh's id with .ply.")
     ] = None,
-    until_level: Annotated[int | None, typer.Option(help="Fetch what this level needs; 0 is the finest.")] = None,
-    max_bytes: Annotated[int | None, typer.Option(help="Fetch the finest level that fits into so many bytes.")] = None,
+    until_level: Annotated[
+        int | None, typer.Option(min=0, help="Fetch what this level needs; 0 is the finest.")
+    ] = None,
+    max_bytes: Annotated[
+        int | None, typer.Option(min=0, help="Fetch the finest level that fits into so many bytes.")
+    ] = None,
     max_error: Annotated[
-        float | None, typer.Option(help="Stop at an RMS error of this fraction of the bounding box's diagonal.")
+        float | None,
+        typer.Option(min=0.0, help="Stop at an RMS error of this fraction of the bounding box's diagonal."),
     ] = None,
     keep_levels: Annotated[Path | None, typer.Option(help="Folder to write every level to, as PLY.")] = None,
     stream_file: Annotated[
         Path | None, typer.Option(help="Keep the stream in this .tide file; what it holds is not fetched again.")
     ] = None,
     timeout: TimeoutOption = 30.0,
-    retries: Annotated[int, typer.Option(help="How often to reconnect without progress before giving up.")] = 5,
+    retries: Annotated[int, typer.Option(min=0, help="How often to reconnect without progress before giving up.")] = 5,
     rate: RateOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -56,7 +61,6 @@ def fetch(
     from meshtide_client.fetching import Destination
     from meshtide_client.fetching import fetch as fetch_mesh
     from meshtide_client.transport import Link
-    from meshtide_codec.command_line import ExitCode
     from meshtide_codec.stream.session import Until
 
     address = MeshAddress.parse(url)
@@ -76,8 +80,8 @@ def fetch(
                 progress=display.progress,
             )
     except KeyboardInterrupt:
-        display.notify(_interrupted(display, Destination(target, stream_file).partial_path))
-        raise typer.Exit(ExitCode.INTERRUPTED) from None
+        _tell_what_is_kept(display, Destination(target, stream_file).partial_path)
+        raise
     if as_json:
         _print_json(result_json(result, output=target, stream_file=stream_file))
     else:
@@ -102,11 +106,10 @@ def meshes(
     if as_json:
         _print_json({"server": str(ServerAddress.parse(url)), "meshes": [asdict(mesh) for mesh in hosted]})
         return
-    from rich.console import Console
-
     from meshtide_client.listing_table import listing_table
+    from meshtide_codec.command_line import wide_console
 
-    Console().print(listing_table(hosted) if hosted else "the server hosts no meshes")
+    wide_console().print(listing_table(hosted) if hosted else "the server hosts no meshes")
 
 
 def demo(
@@ -123,20 +126,16 @@ def demo(
     Example: meshtide demo --rate 20000
     """
     from meshtide_client.demo import run_demo
-    from meshtide_codec.command_line import ExitCode
 
-    try:
-        run_demo(output, mesh, rate=rate, wait=wait, draw=picture)
-    except KeyboardInterrupt:
-        typer.echo("interrupted; the server has been stopped", err=True)
-        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    run_demo(output, mesh, rate=rate, wait=wait, draw=picture)
 
 
-def _interrupted(display: Display, partial: Path | None) -> str:
-    level = "" if display.last is None else f"; level {display.last.level} is complete"
-    if partial is None or not partial.exists():
-        return "interrupted; nothing has arrived yet"
-    return f"interrupted{level}; what has arrived is kept in {partial}, and the same command goes on from there"
+def _tell_what_is_kept(display: Display, partial: Path | None) -> None:
+    if partial is not None and partial.exists():
+        level = "no level" if display.last is None else f"level {display.last.level}"
+        display.notify(
+            f"{level} is complete; what has arrived is kept in {partial}, and the same command goes on from there"
+        )
 
 
 def _print_json(answer: object) -> None:

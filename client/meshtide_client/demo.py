@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from meshtide_codec.mesh import Mesh
 
 _POLL_SECONDS = 0.25
+_PATIENCE_SECONDS = 3.0
+COMPILING_ENCODER = "its kernels are compiled in the first run only, which takes a minute or two"
 
 
 class MismatchError(MeshtideError):
@@ -87,7 +89,8 @@ def run_demo(
 
 def _wait_until_ready(console: Console, url: str, name: str, wait: float) -> None:
     """Poll until the server has encoded the sample; show how far it is."""
-    deadline = time.monotonic() + wait
+    started = time.monotonic()
+    told = False
     columns = (TextColumn("{task.description}"), BarColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("waiting", total=1.0)
@@ -97,8 +100,12 @@ def _wait_until_ready(console: Console, url: str, name: str, wait: float) -> Non
                 return
             if mesh.status == "failed":
                 raise TransferError(f"the server could not encode {name}: {mesh.reason}")
-            if time.monotonic() > deadline:
+            waited = time.monotonic() - started
+            if waited > wait:
                 raise TransferError(f"{name} was not encoded within {wait:g} seconds; allow more with --wait")
+            if waited > _PATIENCE_SECONDS and not told:
+                told = True
+                console.print(f"the server encodes {name}; {COMPILING_ENCODER}", soft_wrap=True)
             bar.update(task, description=f"the server encodes {name}: {mesh.stage}", completed=mesh.progress)
             time.sleep(_POLL_SECONDS)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from contextlib import aclosing, closing
 from dataclasses import dataclass, fields
@@ -16,6 +17,8 @@ from meshtide_client.partial_file import PartialFile
 from meshtide_client.transport import Link
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.stream.container import PREAMBLE_BYTES
+from meshtide_codec.stream.packets import LARGEST_LEVEL
+from meshtide_codec.stream.plain_values import LARGEST_INTEGER
 from meshtide_codec.stream.session import DoneEvent, HeaderEvent, PacketEvent, Until
 
 if TYPE_CHECKING:
@@ -135,7 +138,7 @@ class Reception:
         notify: Callable[[str], None] | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
-        self._until = until or Until()
+        self._until = _sendable(until or Until())
         self._limits = limits
         self._holding = holding
         self._progress = progress or (lambda _size, _total: None)
@@ -221,3 +224,11 @@ class Reception:
     def _file_size(self, packet_bytes: int) -> int:
         """Bytes of the file when its packets have so many."""
         return PREAMBLE_BYTES + len(self._holding.header_bytes) + packet_bytes
+
+
+def _sendable(until: Until) -> Until:
+    """The same bounds in numbers that a wire message can hold."""
+    level = until.level if until.level is None else min(until.level, LARGEST_LEVEL)
+    error = until.error if until.error is None else min(until.error, sys.float_info.max)
+    size = until.size if until.size is None else min(until.size, LARGEST_INTEGER)
+    return Until(level, error, size)

@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+import asyncio
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from meshtide_client.fetching import Destination, FetchResult, fetch
+from meshtide_client.transport import Link
+from meshtide_codec.errors import MeshFileError, OptionError, TransferError
+from meshtide_codec.files import load_mesh
+from meshtide_codec.stream.container import preamble
+from meshtide_codec.stream.session import Until
+from streams import encoded_grid
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+
+class Source:
+    """A real stream as a server has it."""
+
+    def __init__(self) -> None:
+        self.encoded = encoded_grid()
+        self.header = self.encoded.header
+        self.header_bytes = self.header.to_bytes()
+        self.whole = self.encoded.to_bytes()
+
+    def packet_part(self, index: int, start: int, end: int) -> bytes:
+        return bytes(self.encoded.packet_bytes[index][start:end])
+
+
+@pytest.fixture(scope="module", name="source")
+def _source() -> Source:
+    return Source()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(file.name for file in folder.iterdir())
+
+
+async def fetched(server: Any, *arguments: Any, **settings: Any) -> FetchResult:
+    """`fetch` beside the server, in a thread."""
+    return await asyncio.to_thread(lambda: fetch(server.url, *arguments, **settings))
+
+
+async def test_a_mesh_is_fetched_and_written(serving: Callable[..., Any], source: Source, tmp_path: Path) -> None:
+    output = tmp_path / "vase.ply"
+    seen: list[int] = []
+    progress: list[tuple[int, int]] = []
+    async with serving(source) as server:
+        result = await fetched(
+            server,
+            output,
+            on_level=lambda level: seen.append(level.level),
+            progress=lambda size, total: progress.append((size, total)),
+        )
+    expected = source.encoded.quantized.mesh()
+    np.testing.assert_array_equal(result.mesh.vertices, expected.vertices)
+    np.testing.assert_array_equal(result.mesh.faces, expected.faces)
+    np.testing.assert_array_equal(load_mesh(output).faces, expected.faces)
+    assert seen == [row.level for row in source.header.levels] == [figures.level for figures in result.levels]
+    assert result.figures == result.levels[-1]
+    assert not result.more
+    assert result.header == source.header
+    assert result.received_bytes == len(source.whole) - len(preamble(b""))
+    assert progress[-1] == (len(source.whole), len(source.whole))
+    assert progress == sorted(progress)
+    assert names(tmp_path) == [output.name]
+
+
+async def test_every_level_can_be_kept(serving: Callable[..., Any], source: Source, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "levels"
+    async with serving(source) as server:
+        result = await fetched(server, keep_levels=folder)
+    assert {file.name for file in folder.iterdir()} == {f"vase-level-{row.level}.ply" for row in source.header.levels}
+    for figures in result.levels:
+        assert len(load_mesh(folder / f"vase-level-{figures.level}.ply").faces) == figures.faces
+
+
+async def test_until_limits_what_comes(serving: Callable[..., Any], source: Source, tmp_path: Path) -> None:
+    output = tmp_path / "vase.obj"
+    progress: list[tuple[int, int]] = []
+    async with serving(source) as server:
+        result = await fetched(
+            server, output, until=Until(level=1), progress=lambda size, total: progress.append((size, total))
+        )
+    assert result.figures.level == 1
+    assert result.more
+    assert progress[-1] == (result.figures.size, result.figures.size)
+    assert len(load_mesh(output).faces) == result.figures.faces
+
+
+async def test_a_bound_below_the_coarsest_level_is_told(serving: Callable[..., Any], source: Source) -> None:
+    least = len(preamble(source.header_bytes)) + source.header.packets[0].length
+    async with serving(source) as server:
+        with pytest.raises(OptionError, match=f"the coarsest takes {least} bytes"):
+            await fetched(server, until=Until(size=least - 1))
+        assert (await fetched(server, until=Until(size=least))).figures.size == least
+
+
+async def test_a_broken_download_is_gone_on_with(serving: Callable[..., Any], source: Source, tmp_path: Path) -> None:
+    output = tmp_path / "vase.ply"
+    output.write_text("what was here before")
+    partial = tmp_path / "vase.ply.partial.tide"
+    async with serving(source, cuts=[5]) as server:
+        with pytest.raises(TransferError, match="vase.ply.partial.tide, and the same request goes on from there"):
+            await fetched(server, output, link=Link(retries=0))
+        assert source.whole.startswith(partial.read_bytes())
+        assert output.read_text() == "what was here before"
+        result = await fetched(server, output)
+    assert server.finished_packets == list(range(len(source.header.packets)))
+    assert result.received_bytes < len(source.whole)
+    assert names(tmp_path) == [output.name]
+
+
+async def test_a_stream_file_stays_and_is_used(serving: Callable[..., Any], source: Source, tmp_path: Path) -> None:
+    stream_file = tmp_path / "vase.tide"
+    async with serving(source) as server:
+        await fetched(server, until=Until(level=1), stream_file=stream_file)
+        await fetched(server, stream_file=stream_file)
+        again = await fetched(server, stream_file=stream_file)
+    assert stream_file.read_bytes() == source.whole
+    assert again.received_bytes == 0
+    assert server.finished_packets == list(range(len(source.header.packets)))
+
+
+async def test_the_partial_file_stays_when_the_output_cannot_be_written(
+    serving: Callable[..., Any], source: Source, tmp_path: Path
+) -> None:
+    output = tmp_path / "vase.ply"
+    output.mkdir()
+    async with serving(source) as server:
+        with pytest.raises(OSError, match="directory") as caught:
+            await fetched(server, output)
+    assert caught.value.filename == str(output)
+    assert (tmp_path / "vase.ply.partial.tide").read_bytes() == source.whole
+
+
+def test_an_unknown_format_is_told_before_anything_is_fetched(tmp_path: Path) -> None:
+    with pytest.raises(MeshFileError, match=r"its name must end with one of \.glb"):
+        fetch("http://127.0.0.1:9/meshes/vase", tmp_path / "vase.docx")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_folder_is_told_before_anything_is_fetched(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="the download was not started"):
+        fetch("http://127.0.0.1:9/meshes/vase", tmp_path / "none" / "vase.ply")
+
+
+def test_nothing_is_left_when_there_is_no_server(tmp_path: Path) -> None:
+    with pytest.raises(TransferError, match="Connection refused"):
+        fetch("http://127.0.0.1:9/meshes/vase", tmp_path / "vase.ply")
+    assert list(tmp_path.iterdir()) == []
+
+
+async def test_it_works_where_an_event_loop_runs_already(tmp_path: Path) -> None:
+    with pytest.raises(TransferError, match="Connection refused"):
+        fetch("http://127.0.0.1:9/meshes/vase", tmp_path / "vase.ply")
+
+
+def test_where_packets_are_kept(tmp_path: Path) -> None:
+    output, stream_file = tmp_path / "a.ply", tmp_path / "b.tide"
+    assert Destination().partial_path is None
+    assert Destination(output).partial_path == tmp_path / "a.ply.partial.tide"
+    assert Destination(output, stream_file).partial_path == stream_file
+    assert os.fspath(Destination(None, stream_file).partial_path or "") == str(stream_file)

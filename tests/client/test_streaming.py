@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import asyncio
+from contextlib import aclosing
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from meshtide_client.streaming import LevelFigures, stream
+from meshtide_client.transport import Link
+from meshtide_codec.decoder import decode
+from meshtide_codec.errors import LimitError, OptionError, StreamError, TransferError
+from meshtide_codec.limits import Limits
+from meshtide_codec.stream.container import preamble
+from meshtide_codec.stream.session import Until
+from streams import MadeUpStream, encoded_grid
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+
+class Source:
+    """A real stream as a server has it."""
+
+    def __init__(self, side: int = 16) -> None:
+        self.encoded = encoded_grid(side)
+        self.header = self.encoded.header
+        self.header_bytes = self.header.to_bytes()
+        self.whole = self.encoded.to_bytes()
+
+    def packet_part(self, index: int, start: int, end: int) -> bytes:
+        return bytes(self.encoded.packet_bytes[index][start:end])
+
+
+@pytest.fixture(scope="module", name="source")
+def _source() -> Source:
+    return Source()
+
+
+async def test_all_levels_come_coarse_to_fine(serving: Callable[..., Any], source: Source) -> None:
+    async with serving(source) as server:
+        levels = [level async for level in stream(server.url)]
+    assert [level.level for level in levels] == [row.level for row in source.header.levels]
+    assert len(levels) > 2
+    for level, row in zip(levels, source.header.levels, strict=True):
+        assert (level.vertices, level.faces, level.rms, level.maximum) == (
+            row.vertices,
+            row.faces,
+            row.rms,
+            row.maximum,
+        )
+        assert level.exact
+        expected = decode(source.whole, level.level)
+        np.testing.assert_array_equal(level.mesh.vertices, expected.vertices)
+        np.testing.assert_array_equal(level.mesh.faces, expected.faces)
+    assert levels[-1].size == len(source.whole)
+    assert [level.seconds for level in levels] == sorted(level.seconds for level in levels)
+    assert [level.size for level in levels] == sorted(level.size for level in levels)
+
+
+async def test_the_size_of_a_level_is_that_of_the_file_that_holds_it(
+    serving: Callable[..., Any], source: Source
+) -> None:
+    async with serving(source) as server:
+        async for level in stream(server.url):
+            decode_partial = source.whole[: level.size]
+            row = source.header.entry(level.level)
+            assert len(decode_partial) == len(preamble(source.header_bytes)) + source.header.level_bytes(row)
+
+
+@pytest.mark.parametrize("until", [Until(level=10**6), Until(error=float("inf")), Until(size=10**30)])
+async def test_bounds_that_no_message_can_hold_mean_the_most(
+    serving: Callable[..., Any], source: Source, until: Until
+) -> None:
+    async with serving(source) as server:
+        levels = [level.level async for level in stream(server.url, until=until)]
+    assert levels == [row.level for row in source.header.levels][: 1 if until.size is None else None]
+
+
+async def test_figures_can_be_kept_without_the_mesh(serving: Callable[..., Any], source: Source) -> None:
+    async with serving(source) as server:
+        levels = [level async for level in stream(server.url, until=Until(level=99))]
+    assert type(levels[0].figures) is LevelFigures
+    assert levels[0].figures.vertices == levels[0].vertices
+
+
+async def test_leaving_early_closes_the_socket(serving: Callable[..., Any], source: Source) -> None:
+    async with serving(source) as server:
+        async with aclosing(stream(server.url, link=Link(window=64))) as levels:
+            async for _ in levels:
+                break
+        await asyncio.sleep(0.05)
+        assert server.closed == 1
+        assert len(server.finished_packets) < len(source.header.packets)
+
+
+@pytest.mark.parametrize("until", [Until(level=1), Until(error=0.1), Until(size=700)])
+async def test_bounds_are_kept(serving: Callable[..., Any], source: Source, until: Until) -> None:
+    wanted = until.packet_count(source.header, len(source.header_bytes))
+    async with serving(source) as server:
+        levels = [level async for level in stream(server.url, until=until)]
+    assert [level.level for level in levels] == [
+        row.level for row in source.header.levels if row.packet_count <= wanted
+    ]
+    assert 0 < len(levels) < len(source.header.levels)
+
+
+async def test_a_file_holds_what_came_and_gives_it_back(
+    serving: Callable[..., Any], source: Source, tmp_path: Path
+) -> None:
+    path = tmp_path / "vase.tide"
+    async with serving(source) as server:
+        first = [level.level async for level in stream(server.url, until=Until(level=1), resume=path)]
+        sent = len(server.finished_packets)
+        second = [level.level async for level in stream(server.url, resume=str(path))]
+    assert second == [row.level for row in source.header.levels]
+    assert first == second[:-1]
+    assert server.finished_packets == list(range(len(source.header.packets)))
+    assert 0 < sent < len(source.header.packets)
+    assert path.read_bytes() == source.whole
+
+
+async def test_a_file_that_holds_more_than_is_wanted(
+    serving: Callable[..., Any], source: Source, tmp_path: Path
+) -> None:
+    path = tmp_path / "vase.tide"
+    path.write_bytes(source.whole)
+    async with serving(source) as server:
+        levels = [level.level async for level in stream(server.url, until=Until(level=1), resume=path)]
+    assert levels[-1] == 1
+    assert server.finished_packets == []
+    assert path.read_bytes() == source.whole
+
+
+async def test_levels_go_on_after_a_lost_connection(serving: Callable[..., Any], source: Source) -> None:
+    sentences: list[str] = []
+    async with serving(source, cuts=[4]) as server:
+        link = Link(delay=0.001)
+        levels = [level.level async for level in stream(server.url, link=link, notify=sentences.append)]
+    assert levels == [row.level for row in source.header.levels]
+    assert server.connections == 2
+    assert len(sentences) == 1
+
+
+async def test_levels_that_came_are_there_when_the_network_fails(serving: Callable[..., Any], source: Source) -> None:
+    levels: list[int] = []
+    async with serving(source, cuts=[4, 1]) as server:
+        with pytest.raises(TransferError, match="was lost"):
+            async for level in stream(server.url, link=Link(retries=1, delay=0.001)):
+                levels.append(level.level)  # noqa: PERF401 - what came before the error counts
+    assert levels == [source.header.levels[0].level]
+
+
+async def test_a_stream_that_changes_starts_from_the_coarsest_level(
+    serving: Callable[..., Any], source: Source, tmp_path: Path
+) -> None:
+    path = tmp_path / "vase.tide"
+    path.write_bytes(Source(12).whole)
+    sentences: list[str] = []
+    async with serving(source) as server:
+        levels = [level.level async for level in stream(server.url, resume=path, notify=sentences.append)]
+    assert levels == [row.level for row in source.header.levels]
+    assert any("has changed" in sentence for sentence in sentences)
+
+
+async def test_limits_are_kept(serving: Callable[..., Any], source: Source) -> None:
+    async with serving(source) as server:
+        with pytest.raises(LimitError, match=r"Limits\.vertices"):
+            async for _ in stream(server.url, limits=Limits(vertices=10)):
+                pass
+
+
+async def test_a_stream_that_cannot_be_decoded_raises(serving: Callable[..., Any]) -> None:
+    async with serving(MadeUpStream()) as server:
+        with pytest.raises(StreamError):
+            async for _ in stream(server.url):
+                pass
+
+
+async def test_a_bad_address_is_refused() -> None:
+    with pytest.raises(OptionError, match="write it like"):
+        await anext(stream("vase"))
