@@ -37,6 +37,11 @@ NEIGHBOUR = 4  # child of a neighbour of the common parent
 KNOWN_APEX = 5  # apex of the face behind the gate: would be that face turned over
 KINDS = 6
 
+# Corners: what happens at the apex, edges closed * 3 + state of the vertex
+CLOSINGS = 4  # no edge closed, one, two, or blocked
+STATES = 3  # a vertex without faces, with open edges, complete
+CORNERS = CLOSINGS * STATES
+
 # Which candidates are wanted
 UNBLOCKED = 0  # those that leave every edge with at most two faces
 BLOCKED_ONLY = 1  # the others
@@ -50,6 +55,7 @@ class Candidates(NamedTuple):
         vertex: (CAPACITY,) int32.
         kind: (CAPACITY,) int32, see above.
         flags: (CAPACITY,) int32, which edges the face would close, or that it is blocked.
+        corner: (CAPACITY,) int32, in [0, CORNERS).
         coarse_face: (CAPACITY,) int32, coarse face below, or -1.
         weight: (CAPACITY,) int64, score, then exp(score - best score), then negative once refused.
         right: (CAPACITY,) int32, encoder: entry of the face in the index of true faces, or -1.
@@ -59,6 +65,7 @@ class Candidates(NamedTuple):
     vertex: NDArray[np.int32]
     kind: NDArray[np.int32]
     flags: NDArray[np.int32]
+    corner: NDArray[np.int32]
     coarse_face: NDArray[np.int32]
     weight: NDArray[np.int64]
     right: NDArray[np.int32]
@@ -68,6 +75,7 @@ class Candidates(NamedTuple):
 def new_candidates(coarse_count: int) -> Candidates:
     """Room for one list."""
     return Candidates(
+        np.empty(CAPACITY, np.int32),
         np.empty(CAPACITY, np.int32),
         np.empty(CAPACITY, np.int32),
         np.empty(CAPACITY, np.int32),
@@ -93,19 +101,26 @@ def _add_family(
 ) -> int:
     """Append the vertices of [lowest, highest) that can be the apex; returns the new length."""
     for vertex in range(lowest, min(highest, lowest + CAPACITY - count)):
-        if vertex in (ends_and_apex[0], ends_and_apex[1]):
+        if vertex == ends_and_apex[0] or vertex == ends_and_apex[1]:  # noqa: PLR1714 - a tuple would be searched
             continue
         flags = int(vertices[vertex, half_edges.FLAGS]) if vertices[vertex, half_edges.MARK] == number else 0
-        complete = vertices[vertex, half_edges.FACES] > 0 and vertices[vertex, half_edges.OPEN_EDGES] == 0
-        if (flags & half_edges.BLOCKED) or vertex == ends_and_apex[2] or complete:
+        state = 0
+        if vertices[vertex, half_edges.FACES] > 0:
+            state = 1 if vertices[vertex, half_edges.OPEN_EDGES] > 0 else 2
+        known = vertex == ends_and_apex[2]
+        if (flags & half_edges.BLOCKED) or state == 2 or known:
             if wanted == UNBLOCKED:
                 continue
             flags = half_edges.BLOCKED
+            corner = 3 * STATES + state
         elif wanted == BLOCKED_ONLY:
             continue
+        else:
+            corner = ((flags & 1) + (flags >> 1)) * STATES + state
         candidates.vertex[count] = vertex
-        candidates.kind[count] = kind if vertex != ends_and_apex[2] else KNOWN_APEX
+        candidates.kind[count] = KNOWN_APEX if known else kind
         candidates.flags[count] = flags
+        candidates.corner[count] = corner
         candidates.coarse_face[count] = coarse_face
         count += 1
     return count

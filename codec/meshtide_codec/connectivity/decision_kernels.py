@@ -14,15 +14,9 @@ import numpy as np
 from meshtide_codec.compilation import inlined_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity.borrowing import borrowing_kernel
-from meshtide_codec.connectivity.candidate_kernels import KINDS
+from meshtide_codec.connectivity.candidate_kernels import CLOSINGS, CORNERS, KINDS, STATES
 from meshtide_codec.connectivity.mixing_kernels import code_paired_bit
-from meshtide_codec.connectivity.score_kernels import (
-    CLOSINGS,
-    FULL_WEIGHT,
-    STATES,
-    edges_closed,
-    vertex_state,
-)
+from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT
 from meshtide_codec.entropy.model_kernels import SIGNED_CONTEXTS
 from meshtide_codec.entropy.range_coder_kernels import code_raw_bits
 
@@ -58,7 +52,7 @@ ODDS_CLASS = _odds_classes()
 # Sections of the contexts.
 ODDS_CONTEXTS = 0
 KIND_CONTEXTS = ODDS_CONTEXTS + STAGES * ODDS_CLASSES * 4 * 2
-GATE_CONTEXTS = KIND_CONTEXTS + KINDS * CLOSINGS * STATES * 4 * 4 * 6
+GATE_CONTEXTS = KIND_CONTEXTS + KINDS * CORNERS * 4 * 4 * 6
 GATE_CONFIDENCE_CONTEXTS = GATE_CONTEXTS + 7 * 3 * CLOSINGS * 4
 EXTRA_CONTEXTS = GATE_CONFIDENCE_CONTEXTS + 6 * 4 * CLOSINGS * 2 * 2 * 3
 EXTRA_DIRECTION_CONTEXTS = EXTRA_CONTEXTS + 2 * 6 * 3 * 3 * 2 * 2
@@ -93,18 +87,17 @@ def code_gate_has_face(
     models: Models,
     surroundings: tuple[bool, int, int, int],
     count: int,
-    flags: int,
+    closed: int,
     total: int,
     has_face: int,
 ) -> int:
     """Code whether one of `count` candidates completes a face at a gate.
 
     `surroundings` says whether both ends share their parent, how many coarse faces lie at the coarse edge, how many of
-    those are not accounted for, and how many ends lie at a border; `flags` and `total` belong to the best candidate
-    and to the weights.
+    those are not accounted for, and how many ends lie at a border; `closed` is what the best candidate closes, in
+    [0, CLOSINGS), `total` the sum of the weights.
     """
     shared, below, uncovered, at_border = surroundings
-    closed = edges_closed(flags)
     family = 0 if shared else 1 + min(below, 2) * 2 + (1 if uncovered else 0)
     one = ((family * 3 + at_border) * CLOSINGS + closed) * 4 + min(count - 1, 3)
     doubt = min(3, total // FULL_WEIGHT - 1)
@@ -125,7 +118,6 @@ def code_choice(
     count: int,
     best: int,
     total: int,
-    vertices: NDArray[np.int32],
 ) -> int:
     """Code which candidate is right (in an encoder: the first with `right` >= 0 in order of weight).
 
@@ -142,8 +134,7 @@ def code_choice(
         odds_class = ODDS_CLASS[min(odds, ODDS_LIMIT)]
         place = min(rank, 3)
         one = ((stage * ODDS_CLASSES + odds_class) * 4 + place) * 2 + (1 if remaining > 2 else 0)
-        other = int(candidates.kind[row]) * CLOSINGS + edges_closed(int(candidates.flags[row]))
-        other = other * STATES + vertex_state(vertices, candidates.vertex[row])
+        other = int(candidates.kind[row]) * CORNERS + int(candidates.corner[row])
         other = ((other * 4 + place) * 4 + min(remaining - 2, 3)) * 6 + (odds_class >> 2)
         if code_paired_bit(
             coder, buffer, models.contexts, ODDS_CONTEXTS + one, KIND_CONTEXTS + other,
@@ -151,7 +142,7 @@ def code_choice(
         ):  # fmt: skip
             return row
         total -= weight[row]
-        weight[row] = -1
+        weight[row] = -1 - weight[row]
         remaining -= 1
         rank += 1
         row = 0

@@ -87,7 +87,7 @@ def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, ha
     best, total = score_candidates(
         models.scores, level.geometric, level.candidates, count, fine.vertices, first, second, known_apex
     )
-    row = code_choice(coder, buffer, models, AT_EXTRA_FACE, level.candidates, count, best, total, fine.vertices)
+    row = code_choice(coder, buffer, models, AT_EXTRA_FACE, level.candidates, count, best, total)
     if row < 0 or count == 0:
         return min(row, -2)
     return add_chosen_face(level, first, second, row)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity.borrowing import borrowing_kernel
-from meshtide_codec.connectivity.candidate_kernels import BLOCKED_ONLY, UNBLOCKED, gather_apexes
+from meshtide_codec.connectivity.candidate_kernels import BLOCKED_ONLY, CLOSINGS, STATES, UNBLOCKED, gather_apexes
 from meshtide_codec.connectivity.decision_kernels import (
     AT_EXTRA_FACE,
     AT_GATE,
@@ -29,7 +29,7 @@ from meshtide_codec.connectivity.level_kernels import (
     add_face_at_gate,
     next_number,
 )
-from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT, score_candidates
+from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT, learn_scores, score_candidates
 from meshtide_codec.connectivity.truth_kernels import find_right
 
 if TYPE_CHECKING:
@@ -106,12 +106,15 @@ def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: 
         has_face = 1
     elif count > 0:
         has_face = code_gate_has_face(
-            coder, buffer, models, surroundings, count, int(level.candidates.flags[best]), total, has_face
+            coder, buffer, models, surroundings, count, int(level.candidates.corner[best]) // STATES, total, has_face
         )
     if has_face:
-        row = code_choice(coder, buffer, models, AT_GATE, level.candidates, count, best, total, vertices)
+        row = code_choice(coder, buffer, models, AT_GATE, level.candidates, count, best, total)
         if row < 0:
             return row
+        learn_scores(
+            models.scores, level.geometric, level.candidates, count, vertices, first, second, known_apex, row, total
+        )
         add_face_at_gate(level, gate, row)
         return DONE
     if not level.clean:
@@ -150,10 +153,11 @@ def _code_blocked_apex(
     if level.encoding and find_right(level.truth, candidates, count, first, second):
         has_face = 1
     if not code_gate_has_face(
-        coder, buffer, models, surroundings, count, half_edges.BLOCKED, total, has_face
+        coder, buffer, models, surroundings, count, CLOSINGS - 1, total, has_face
     ):
         return DONE
-    row = code_choice(coder, buffer, models, AT_EXTRA_FACE, candidates, count, best, total, vertices)
+    row = code_choice(coder, buffer, models, AT_EXTRA_FACE, candidates, count, best, total)
     if row < 0:
         return row
+    learn_scores(models.scores, level.geometric, candidates, count, vertices, first, second, known_apex, row, total)
     return add_chosen_face(level, first, second, row)

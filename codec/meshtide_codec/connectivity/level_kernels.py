@@ -13,7 +13,7 @@ from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity.borrowing import borrowing_kernel
 from meshtide_codec.connectivity.coarse_kernels import SPLIT, CoarseMesh, cover, has_split_apex
 from meshtide_codec.connectivity.edge_index_kernels import is_degenerate
-from meshtide_codec.connectivity.score_kernels import angle_class, squared_distance
+from meshtide_codec.connectivity.shape_kernels import angle_class, position, squared_distance
 
 if TYPE_CHECKING:
     import numpy as np
@@ -129,9 +129,9 @@ def _may_have_another_face(level: Level, start: int, end: int) -> bool:
 
 @borrowing_kernel
 def _add_angles(vertices: NDArray[np.int32], first: int, second: int, apex: int) -> None:
-    gate = squared_distance(vertices, first, second)
-    one = squared_distance(vertices, first, apex)
-    other = squared_distance(vertices, second, apex)
+    gate = squared_distance(position(vertices, first), position(vertices, second))
+    one = squared_distance(position(vertices, first), position(vertices, apex))
+    other = squared_distance(position(vertices, second), position(vertices, apex))
     at_apex = angle_class(gate, one, other)
     at_first = angle_class(other, one, gate)
     vertices[apex, half_edges.ANGLE] += at_apex

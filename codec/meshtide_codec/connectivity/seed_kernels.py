@@ -33,7 +33,8 @@ from meshtide_codec.connectivity.level_kernels import (
     add_face_anywhere,
     next_number,
 )
-from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT, squared_distance
+from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT
+from meshtide_codec.connectivity.shape_kernels import position, squared_distance
 from meshtide_codec.connectivity.truth_kernels import finish_face
 from meshtide_codec.entropy.model_kernels import code_adaptive_bit, code_signed
 from meshtide_codec.entropy.range_coder_kernels import code_raw_bits
@@ -96,7 +97,7 @@ def _code_child(coder: Coder, buffer: Buffer, models: Models, level: Level, pare
     for row in range(count):
         level.candidates.vertex[row] = lowest + row
         level.candidates.kind[row] = SIBLING
-        level.candidates.flags[row] = 0
+        level.candidates.corner[row] = 0
     return _code_listed(coder, buffer, models, level, count, right)
 
 
@@ -106,33 +107,37 @@ def _code_listed(coder: Coder, buffer: Buffer, models: Models, level: Level, cou
     if count == 0:
         return NO_SUCH_CANDIDATE
     candidates = level.candidates
-    vertices = level.fine.vertices
-    nearest = 0
-    for row in range(count):
-        vertex = int(candidates.vertex[row])
-        candidates.right[row] = 0 if vertex == right else -1
-        distance = 1
-        for anchor in level.corners:
-            if anchor == NO_VERTEX:
-                continue
-            if level.geometric:
-                distance += squared_distance(vertices, anchor, vertex)
-            else:
-                distance += abs(anchor - vertex)
-        if vertices[vertex, half_edges.FACES] > 0 and not level.geometric:
-            distance *= 2
-        candidates.weight[row] = distance
-        if row == 0 or distance < nearest:
-            nearest = distance
+    nearest = _distance_to_corners(level, int(candidates.vertex[0]))
+    for row in range(1, count):
+        nearest = min(nearest, _distance_to_corners(level, int(candidates.vertex[row])))
     best = 0
     total = 0
     for row in range(count):
-        candidates.weight[row] = int(float(FULL_WEIGHT) * float(nearest) / float(candidates.weight[row]))
-        total += candidates.weight[row]
+        vertex = int(candidates.vertex[row])
+        candidates.right[row] = 0 if vertex == right else -1
+        candidates.weight[row] = int(FULL_WEIGHT * nearest / _distance_to_corners(level, vertex))
+        total += int(candidates.weight[row])
         if candidates.weight[row] > candidates.weight[best]:
             best = row
-    row = code_choice(coder, buffer, models, AT_CORNER, candidates, count, best, total, vertices)
+    row = code_choice(coder, buffer, models, AT_CORNER, candidates, count, best, total)
     return int(candidates.vertex[row]) if row >= 0 else row
+
+
+@borrowing_kernel
+def _distance_to_corners(level: Level, vertex: int) -> float:
+    """How far a vertex is from the corners chosen so far, at least 1; without positions by the order of vertices."""
+    vertices = level.fine.vertices
+    distance = 1.0
+    for corner in level.corners:
+        if corner == NO_VERTEX:
+            continue
+        if level.geometric:
+            distance += squared_distance(position(vertices, corner), position(vertices, vertex))
+        else:
+            distance += abs(float(corner - vertex))
+    if vertices[vertex, half_edges.FACES] > 0 and not level.geometric:
+        distance *= 2.0
+    return distance
 
 
 @borrowing_kernel

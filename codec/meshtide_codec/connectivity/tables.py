@@ -20,7 +20,7 @@ PRIOR_LIMIT = 12  # decisions of the training that a fresh context remembers
 def new_models(*, geometric: bool) -> Models:
     """Models for one level, as the training left them; scores are shared, contexts are the caller's own."""
     scores, contexts = _trained("geometric" if geometric else "plain")
-    return Models(contexts.copy(), scores)
+    return Models(contexts.copy(), scores.copy())
 
 
 @cache
