@@ -38,10 +38,24 @@ def test_key_depends_on_content_options_and_codec(monkeypatch: pytest.MonkeyPatc
     assert len(keys) == 5
 
 
-def test_codec_digest_is_stable() -> None:
-    first = codec_digest()
+def test_codec_digest_follows_the_sources_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stream_cache.meshtide_codec, "__file__", str(tmp_path / "__init__.py"))
+
+    def digest() -> str:
+        codec_digest.cache_clear()
+        return codec_digest()
+
+    (tmp_path / "__init__.py").write_text("a = 1")
+    first = digest()
+    (tmp_path / "__pycache__").mkdir()
+    (tmp_path / "__pycache__" / "compiled.nbc").touch()
+    assert digest() == first
+    (tmp_path / "__init__.py").write_text("a = 2")
+    second = digest()
+    (tmp_path / "table.npz").touch()
+    third = digest()
+    assert len({first, second, third}) == 3
     codec_digest.cache_clear()
-    assert codec_digest() == first
 
 
 def test_digest_follows_the_content_not_the_name(tmp_path: Path) -> None:
