@@ -12,7 +12,7 @@ from meshtide_codec.classic.encoder import ClassicEncoding
 from meshtide_codec.classic.options import PROFILE, ClassicOptions
 from meshtide_codec.quantize import QuantizedMesh, quantize
 from meshtide_codec.stream.container import write_container
-from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
+from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table, stored_distance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -89,8 +89,8 @@ def describe(encoding: ClassicEncoding, quantized: QuantizedMesh) -> EncodedMesh
                 packet_count=encoding.packet_counts[number],
                 vertices=len(level.cells),
                 faces=len(level.faces),
-                rms=float(np.float32(rms)),
-                maximum=float(np.float32(distances.max())),
+                rms=stored_distance(rms),
+                maximum=stored_distance(float(distances.max())),
             )
         )
     header = StreamHeader(

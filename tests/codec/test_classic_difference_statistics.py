@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from meshes import grid
 from meshtide_codec.classic.difference_statistics import difference_statistics
 from meshtide_codec.classic.encoder import ClassicEncoding

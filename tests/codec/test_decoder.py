@@ -214,7 +214,7 @@ def test_an_error_names_level_and_packet() -> None:
     encoded = encoded_grid()
     decoder = Decoder(encoded.header)
     decoder.push(encoded.packets[0])
-    bad = replace(encoded.packets[1], payload=b"\x00")
+    bad = replace(encoded.packets[1], payload=b"\x05abc")
     with pytest.raises(PacketError, match=rf"level {bad.level}, Map&Conn packet, byte 0"):
         decoder.push(bad)
     assert decoder.finest == encoded.packets[0].level

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from meshtide_codec.errors import ContainerError, LimitError, StreamError, VersionError
 from meshtide_codec.limits import Limits
-from meshtide_codec.stream.header import FORMAT_VERSION, Field, StreamHeader, check_version
+from meshtide_codec.stream.header import FORMAT_VERSION, Field, StreamHeader, check_version, stored_distance
 from streams import MadeUpStream, encoded_grid
 
 HEADER = MadeUpStream().header
@@ -62,10 +62,10 @@ def test_counts_and_offsets() -> None:
         (Field.PACKETS, []),
         (Field.PACKETS, [0, 0, 0]),
         (Field.PACKETS, [9, 0, 0, 1] * 4),
-        (Field.PACKETS, [0, 0, 0, 0] * 4),
+        (Field.PACKETS, [0, 0, 0, -1] * 4),
         (Field.CHECKSUMS, b"123"),
         (Field.DISTANCES, b""),
-        (Field.DISTANCES, b"\xff" * 16),  # not numbers
+        (Field.DISTANCES, b"\xff" * 8),  # not numbers
     ],
 )
 def test_wrong_fields_are_refused(field: Field, value: object) -> None:
@@ -123,3 +123,12 @@ def test_mutated_headers_raise_stream_errors_only(data: st.DataObject) -> None:
     except StreamError:
         return
     assert header.vertices <= 10**6
+
+
+@given(st.floats(0.0, 1e30))
+def test_stored_distances_are_a_little_too_large_and_never_too_small(distance: float) -> None:
+    stored = stored_distance(distance)
+    assert distance <= stored <= distance * (1 + 2**-7) + 1e-37
+    assert stored_distance(stored) == stored
+    row = replace(HEADER.levels[-1], rms=stored, maximum=stored)
+    assert StreamHeader.from_bytes(replace(HEADER, levels=(row,)).to_bytes()).levels == (row,)

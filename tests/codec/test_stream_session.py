@@ -29,7 +29,7 @@ from meshtide_codec.stream.session import (
 )
 from streams import MadeUpStream
 
-STREAM = MadeUpStream((100, 700_000, 30, 2000, 600, 5, 270_000))
+STREAM = MadeUpStream((100, 700_000, 30, 2000, 0, 5, 270_000))
 COUNT = len(STREAM.packets)
 
 

@@ -3,8 +3,8 @@
 ============  ==================================================================================================
 packet        payload
 ============  ==================================================================================================
-Base          msgpack [cells, faces]: Morton codes of the coarsest cells by their gaps; its connectivity
-Map&Conn      msgpack [counts, faces]: children of each vertex of the coarser level; faces given the coarser ones
+Base          two parts, cells and faces: Morton codes of the coarsest cells by their gaps; its connectivity
+Map&Conn      two parts, counts and faces: children of each vertex of the coarser level; faces given the coarser ones
 Param         float32, little-endian: the coefficients of x, then y, then z
 Diff          range-coded integers in steps of the level's own grid: true cell minus the cell of the prediction
 ============  ==================================================================================================
@@ -23,7 +23,8 @@ from meshtide_codec.entropy.model_kernels import new_contexts
 from meshtide_codec.errors import BaseError, DiffError, MapConnError, ParamError
 from meshtide_codec.filters import FilterSpec, check_coefficients, coefficient_count
 from meshtide_codec.quantize import morton_codes, morton_positions
-from meshtide_codec.stream import plain_values
+from meshtide_codec.stream.parts import join_parts, split_parts
+from meshtide_codec.stream.plain_values import BadValueError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,7 +44,7 @@ def encode_base(cells: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -
         8 * len(cells),
     )
     face_payload = encode_faces(faces, np.zeros(len(cells), np.int32), np.zeros((0, 3), np.int32), 1)
-    return plain_values.pack([cell_payload, face_payload])
+    return join_parts([cell_payload, face_payload])
 
 
 def decode_base(
@@ -77,7 +78,7 @@ def encode_map_conn(
         ),
         EXPECTED_BYTES_PER_VALUE * coarse_count,
     )
-    return plain_values.pack([count_payload, encode_faces(faces, parents, coarse_faces, coarse_count)])
+    return join_parts([count_payload, encode_faces(faces, parents, coarse_faces, coarse_count)])
 
 
 def decode_map_conn(
@@ -144,8 +145,7 @@ def decode_diff(payload: bytes, vertex_count: int) -> NDArray[np.int64]:
 
 def _two_parts(payload: bytes, error_type: type[BaseError | MapConnError]) -> tuple[bytes, bytes]:
     try:
-        parts = plain_values.array(plain_values.unpack(payload, len(payload)), "the payload", 2)
-        first, second = (plain_values.binary(part, "a part of the payload", len(payload)) for part in parts)
-    except plain_values.BadValueError as error:
+        first, second = split_parts(payload, 2)
+    except BadValueError as error:
         raise error_type(f"{error}; the stream is damaged", offset=0) from error
     return first, second

@@ -152,6 +152,16 @@ def code_raw_bits(state: Coder, buffer: Buffer, bits: Integer, value: Integer) -
 
 @kernel
 def flush(state: Coder, buffer: Buffer) -> None:
-    """Write what the encoder still holds: `buffer[1:state[POSITION]]` is complete (the first byte is always zero)."""
+    """Write what the encoder still holds: `buffer[1:state[POSITION]]` is complete (the first byte is always zero).
+
+    Any number inside the range will do; the one that ends in most zeros is taken, since zeros at the end are left out.
+    """
+    low = state[LOW]
+    end = low + state[RANGE]
+    for zeros in range(32, -1, -1):
+        roundest = ((low + (1 << zeros) - 1) >> zeros) << zeros
+        if roundest < end:
+            state[LOW] = roundest
+            break
     for _ in range(FLUSH_BYTES):
         _shift_low(state, buffer)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 FORMAT_VERSION = 1
 LONGEST_NAME = 32
 CHECKSUM_BYTES = 4
-DISTANCE_BYTES = 8
+DISTANCE_BYTES = 4
 
 
 class Field(IntEnum):
@@ -57,7 +57,7 @@ class LevelEntry:
         vertices: its vertex count.
         faces: its face count.
         rms: root mean square distance from the finest mesh, as a fraction of its bounding box's diagonal;
-            stored in single precision.
+            a value of `stored_distance`.
         maximum: largest distance, in the same unit.
     """
 
@@ -77,7 +77,7 @@ class PacketEntry:
         kind: what the packet holds.
         level: the level that it helps to build.
         slice: which part of that level.
-        length: bytes of the whole packet, framing included.
+        length: bytes of its payload.
         checksum: CRC-32 of those bytes.
     """
 
@@ -88,9 +88,9 @@ class PacketEntry:
     checksum: int
 
     @classmethod
-    def of(cls, packet: Packet, data: bytes) -> PacketEntry:
-        """The row for `packet`, whose bytes are `data`."""
-        return cls(packet.kind, packet.level, packet.slice, len(data), zlib.crc32(data))
+    def of(cls, packet: Packet) -> PacketEntry:
+        """The row for `packet`."""
+        return cls(packet.kind, packet.level, packet.slice, len(packet.payload), zlib.crc32(packet.payload))
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,9 @@ class StreamHeader:
                     number for row in self.packets for number in (row.kind, row.level, row.slice, row.length)
                 ],
                 int(Field.CHECKSUMS): b"".join(struct.pack("<I", row.checksum) for row in self.packets),
-                int(Field.DISTANCES): b"".join(struct.pack("<2f", row.rms, row.maximum) for row in self.levels),
+                int(Field.DISTANCES): b"".join(
+                    _pack_distance(distance) for row in self.levels for distance in (row.rms, row.maximum)
+                ),
             }
         )
 
@@ -218,7 +220,8 @@ def _read_levels(value: object, distances: object, packet_count: int, limits: Li
     if count > limits.levels:
         raise LimitError(f"the stream claims {count} levels; this decoder accepts {limits.levels} (Limits.levels)")
     length = DISTANCE_BYTES * count
-    measured = struct.unpack(f"<{2 * count}f", plain_values.binary(distances, "level distances", length, length))
+    data = plain_values.binary(distances, "level distances", length, length)
+    measured = [_unpack_distance(data[start : start + 2]) for start in range(0, length, 2)]
     levels: list[LevelEntry] = []
     for i in range(count):
         level, needed, vertices, faces = numbers[4 * i : 4 * i + 4]
@@ -255,7 +258,7 @@ def _read_packets(value: object, checksums: object, limits: Limits) -> tuple[Pac
             kind=PacketKind(plain_values.integer(kind, "packet kind", 0, max(PacketKind))),
             level=plain_values.integer(level, "packet level", 0, LARGEST_LEVEL),
             slice=plain_values.integer(part, "packet slice", 0, LARGEST_SLICE),
-            length=plain_values.integer(size, "packet length", 1),
+            length=plain_values.integer(size, "packet length"),
             checksum=unpacked[i],
         )
         if entry.length > limits.packet_bytes:
@@ -270,5 +273,27 @@ def _read_packets(value: object, checksums: object, limits: Limits) -> tuple[Pac
 
 def packet_table(packets: Sequence[Packet]) -> tuple[tuple[PacketEntry, ...], list[bytes]]:
     """The packet table of `packets`, and their bytes."""
-    encoded = [packet.to_bytes() for packet in packets]
-    return tuple(PacketEntry.of(packet, data) for packet, data in zip(packets, encoded, strict=True)), encoded
+    return tuple(PacketEntry.of(packet) for packet in packets), [packet.payload for packet in packets]
+
+
+def stored_distance(distance: float) -> float:
+    """The least distance not below `distance` that a header can hold: a float32 whose lower 16 bits are zero.
+
+    >>> stored_distance(0.1), stored_distance(0.0)
+    (0.1005859375, 0.0)
+    """
+    single = struct.unpack("<I", struct.pack("<f", distance))[0]
+    rounded = single >> 16 << 16
+    value: float = struct.unpack("<f", struct.pack("<I", rounded))[0]
+    if value < distance:
+        value = struct.unpack("<f", struct.pack("<I", rounded + (1 << 16)))[0]
+    return value
+
+
+def _pack_distance(distance: float) -> bytes:
+    return struct.pack("<f", distance)[2:]
+
+
+def _unpack_distance(data: bytes) -> float:
+    value: float = struct.unpack("<f", b"\0\0" + data)[0]
+    return value

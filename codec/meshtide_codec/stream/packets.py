@@ -1,8 +1,8 @@
 """Packets: what a stream is made of (paper, tables 1 and 2).
 
 The coarsest mesh comes first as one Base packet; every finer level then brings Map&Conn (how its vertices split,
-and its faces), Param (filter coefficients) and Diff (true minus predicted geometry). A packet on the wire and in a
-file is the msgpack array [kind, level, slice, payload].
+and its faces), Param (filter coefficients) and Diff (true minus predicted geometry). On the wire and in a file a
+packet is its bare payload: its kind, level, slice, length and checksum stand in the stream header's packet table.
 """
 
 from __future__ import annotations
@@ -10,13 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from meshtide_codec.errors import PacketError
-from meshtide_codec.stream import plain_values
-
 LARGEST_LEVEL = 63
 LARGEST_SLICE = (1 << 16) - 1
-FRAMING_BYTES = 16
-"""Upper bound of what the msgpack array adds to a payload."""
 
 
 class PacketKind(IntEnum):
@@ -55,40 +50,14 @@ class Packet:
         slice: which part of that level, 0 where a level is not cut.
         payload: its contents.
 
-    >>> packet = Packet(PacketKind.DIFF, level=3, slice=0, payload=bytes(512))
-    >>> packet
+    >>> Packet(PacketKind.DIFF, level=3, slice=0, payload=bytes(512))
     Packet(Diff, level 3, 512 bytes)
-    >>> Packet.from_bytes(packet.to_bytes()) == packet
-    True
     """
 
     kind: PacketKind
     level: int
     slice: int
     payload: bytes
-
-    def to_bytes(self) -> bytes:
-        """The packet as it is sent and stored."""
-        return plain_values.pack([int(self.kind), self.level, self.slice, self.payload])
-
-    @classmethod
-    def from_bytes(cls, data: bytes | memoryview) -> Packet:
-        """The packet that `to_bytes` wrote.
-
-        Raises:
-            PacketError: anything else.
-        """
-        try:
-            value = plain_values.unpack(data, len(data))
-            kind, level, part, payload = plain_values.array(value, "a packet", 4)
-            return cls(
-                PacketKind(plain_values.integer(kind, "packet kind", 0, max(PacketKind))),
-                plain_values.integer(level, "packet level", 0, LARGEST_LEVEL),
-                plain_values.integer(part, "packet slice", 0, LARGEST_SLICE),
-                plain_values.binary(payload, "packet payload", len(data)),
-            )
-        except plain_values.BadValueError as error:
-            raise PacketError(f"not a packet: {error}") from error
 
     def __repr__(self) -> str:
         part = f", slice {self.slice}" if self.slice else ""

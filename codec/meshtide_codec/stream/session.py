@@ -333,7 +333,7 @@ class ClientSession:
         if self._pending_index not in (None, part.index) or part.offset != len(self._pending):
             raise ProtocolError(f"the parts of packet {part.index} do not follow each other")
         length = header.packets[part.index].length
-        if not part.data or part.offset + len(part.data) > length:
+        if (not part.data and length) or part.offset + len(part.data) > length:
             raise ProtocolError(f"a part of packet {part.index} does not fit its {length} bytes")
         self._pending_index = part.index
         self._pending += part.data
