@@ -79,9 +79,9 @@ class Arrival:
             try:
                 connection = await open_connection(self._address, self._link)
                 connected = True
-                async with aclosing(receive_events(connection, self._session, self._address, self._link)) as events:
+                arriving = receive_events(connection, self._session, self._take, self._address, self._link)
+                async with aclosing(arriving) as events:
                     async for event in events:
-                        self._take(event)
                         yield event
             except (TransferError, PeerError) as error:
                 await self._pause(error, connected)

@@ -6,12 +6,9 @@ Imports of anything heavy happen inside the commands, so that `meshtide --help` 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from meshtide_client.display import Display
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news until the connection counts as lost.")]
@@ -58,7 +55,6 @@ def fetch(
     """
     from meshtide_client.address import MeshAddress
     from meshtide_client.display import Display, result_json, result_line
-    from meshtide_client.fetching import Destination
     from meshtide_client.fetching import fetch as fetch_mesh
     from meshtide_client.transport import Link
     from meshtide_codec.stream.session import Until
@@ -66,22 +62,18 @@ def fetch(
     address = MeshAddress.parse(url)
     target = output or Path(f"{address.file_stem}.ply")
     display = Display(address.mesh)
-    try:
-        with display.shown():
-            result = fetch_mesh(
-                url,
-                target,
-                until=Until(until_level, max_error, max_bytes),
-                stream_file=stream_file,
-                keep_levels=keep_levels,
-                link=Link(timeout=timeout, retries=retries, rate=rate),
-                on_level=display.on_level,
-                notify=display.notify,
-                progress=display.progress,
-            )
-    except KeyboardInterrupt:
-        _tell_what_is_kept(display, Destination(target, stream_file).partial_path)
-        raise
+    with display.shown():
+        result = fetch_mesh(
+            url,
+            target,
+            until=Until(until_level, max_error, max_bytes),
+            stream_file=stream_file,
+            keep_levels=keep_levels,
+            link=Link(timeout=timeout, retries=retries, rate=rate),
+            on_level=display.on_level,
+            notify=display.notify,
+            progress=display.progress,
+        )
     if as_json:
         _print_json(result_json(result, output=target, stream_file=stream_file))
     else:
@@ -128,14 +120,6 @@ def demo(
     from meshtide_client.demo import run_demo
 
     run_demo(output, mesh, rate=rate, wait=wait, draw=picture)
-
-
-def _tell_what_is_kept(display: Display, partial: Path | None) -> None:
-    if partial is not None and partial.exists():
-        level = "no level" if display.last is None else f"level {display.last.level}"
-        display.notify(
-            f"{level} is complete; what has arrived is kept in {partial}, and the same command goes on from there"
-        )
 
 
 def _print_json(answer: object) -> None:

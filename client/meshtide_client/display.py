@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from meshtide_client.fetching import FetchResult
-    from meshtide_client.streaming import LevelFigures, ReceivedLevel
+    from meshtide_client.streaming import ReceivedLevel
 
 COMPILING = "compiling the decoder: this happens in the first run only, and takes a minute or two"
 
@@ -46,8 +46,6 @@ class Display:
             disable=not self.console.is_terminal,
         )
         self._task = self._bar.add_task(title, total=None)
-        self.last: LevelFigures | None = None
-        """The finest level so far."""
 
     @contextmanager
     def shown(self) -> Iterator[Display]:
@@ -65,7 +63,6 @@ class Display:
 
     def on_level(self, level: ReceivedLevel) -> None:
         """Show the level that is there."""
-        self.last = level.figures
         self._bar.update(self._task, description=f"{self._title}: level {level.level}, {level.vertices} vertices")
 
 

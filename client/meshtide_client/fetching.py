@@ -153,6 +153,10 @@ def fetch(
             _save(result.mesh, destination.output)
         if isinstance(holding, PartialFile) and destination.stream_file is None:
             holding.discard()
+    except KeyboardInterrupt:
+        if notify is not None and holding.header is not None:
+            notify(holding.told())
+        raise
     finally:
         holding.close()
     return result

@@ -1,8 +1,9 @@
 """One connection to a server: a websocket around a client session.
 
-Frames are taken off the socket by a task of their own, so that pings are answered and the link stays busy while the
-caller decodes; what may pile up is bounded by the credit that the session grants. Every way in which a network fails
-becomes a TransferError, every way in which the other side turns out to be something else a ProtocolError.
+Frames are taken off the socket by a task of their own, so that what arrives is stored at once and the link stays busy
+while the caller decodes; what may pile up is bounded, because credit is granted only as the caller goes on. Every way
+in which a network fails becomes a TransferError, every way in which the other side turns out to be something else a
+ProtocolError.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_codec.stream.session import DEFAULT_WINDOW, error_frame
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncGenerator
+    from collections.abc import AsyncGenerator, Callable
 
     from meshtide_client.address import MeshAddress
     from meshtide_codec.stream.session import ClientSession, Event
@@ -126,28 +127,31 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
 
 
 async def receive_events(
-    connection: Connection, session: ClientSession, address: MeshAddress, link: Link
+    connection: Connection, session: ClientSession, take: Callable[[Event], None], address: MeshAddress, link: Link
 ) -> AsyncGenerator[Event, None]:
     """The events of `session` over `connection`, until it is finished; close it to hang up early.
+
+    Args:
+        connection: an open connection.
+        session: the client's end of the stream.
+        take: is called with each event as soon as it is there, however long the caller leaves it in the backlog.
+        address: the other side, for messages.
+        link: timeout and rate.
 
     Raises:
         TransferError: the connection was lost.
         ProtocolError: what answers is not a meshtide server.
         PeerError: the server refused.
         StreamError: header or packet are damaged or over the limits.
+        Exception: whatever `take` raises.
     """
-    backlog = _Backlog(connection, _BACKLOG_WINDOWS * link.window)
-    pump = asyncio.create_task(backlog.fill())
-    started = time.monotonic()
+    intake = _Intake(connection, session, take, address, link)
+    await _send(connection, session.hello())
+    pump = asyncio.create_task(intake.fill())
     try:
-        await _send(connection, session.hello())
-        while not session.finished:
-            frame = await backlog.next(address, link.timeout)
-            events = session.receive(frame)
+        while (events := await intake.next()) is not None:
             if (grant := session.credit_frame()) is not None:
                 await _send(connection, grant)
-            if link.rate is not None:
-                await asyncio.sleep(started + session.received_bytes / link.rate - time.monotonic())
             for event in events:
                 yield event
     except PeerError:
@@ -161,49 +165,76 @@ async def receive_events(
         await connection.close()
 
 
-class _Backlog:
-    """Frames that have arrived and wait for the session."""
+class _Intake:
+    """Feeds the session with frames as they arrive; what comes of them waits here for the caller."""
 
-    def __init__(self, connection: Connection, limit: int) -> None:
+    def __init__(
+        self,
+        connection: Connection,
+        session: ClientSession,
+        take: Callable[[Event], None],
+        address: MeshAddress,
+        link: Link,
+    ) -> None:
         self._connection = connection
-        self._limit = limit
-        self._bytes = 0
-        self._queue: deque[bytes | str | Exception] = deque()
+        self._session = session
+        self._take = take
+        self._address = address
+        self._link = link
+        self._backlog: deque[tuple[int, list[Event]]] = deque()
+        self._waiting_bytes = 0
+        self._end: Exception | None = None
+        self._ended = False
         self._arrived = asyncio.Event()
 
     async def fill(self) -> None:
-        """Take frames off the socket until it is closed."""
+        """Take frames until the stream or the connection ends."""
+        started = time.monotonic()
         try:
-            while self._bytes <= self._limit:
-                frame = await self._connection.recv()
-                self._bytes += len(frame)
-                self._put(frame)
-            self._put(ProtocolError("the server sends more than it was allowed"))
-        except ConnectionClosed as error:
-            self._put(error)
+            while not self._session.finished:
+                frame = await self._frame()
+                if self._link.rate is not None:
+                    due = started + (self._session.received_bytes + len(frame)) / self._link.rate
+                    await asyncio.sleep(due - time.monotonic())
+                events = self._session.receive(frame)
+                for event in events:
+                    self._take(event)
+                self._backlog.append((len(frame), events))
+                self._waiting_bytes += len(frame)
+                if self._waiting_bytes > _BACKLOG_WINDOWS * self._link.window:
+                    raise ProtocolError(f"{self._address.server} sends more than it was allowed")
+                self._arrived.set()
+        except Exception as error:  # noqa: BLE001 - raised again where one waits for what comes next
+            self._end = error
+        self._ended = True
+        self._arrived.set()
 
-    async def next(self, address: MeshAddress, patience: float) -> bytes | str:
-        """The next frame; waits as long as `patience` seconds bring more than answers to pings."""
-        while not self._queue:
+    async def next(self) -> list[Event] | None:
+        """The events of the next frame, or None at the end."""
+        while not self._backlog:
+            if self._ended:
+                if self._end is not None:
+                    raise self._end
+                return None
+            self._arrived.clear()
+            await self._arrived.wait()
+        size, events = self._backlog.popleft()
+        self._waiting_bytes -= size
+        return events
+
+    async def _frame(self) -> bytes | str:
+        """The next frame; it may take its time as long as more than answers to pings keeps coming."""
+        while True:
             heard = self._connection.heard_bytes
             try:
-                async with asyncio.timeout(patience):
-                    await self._arrived.wait()
+                async with asyncio.timeout(self._link.timeout):
+                    return await self._connection.recv()
             except TimeoutError:
                 if self._connection.heard_bytes - heard <= _PONG_BYTES:
-                    raise TransferError(f"nothing came from {address.server} for {patience:g} seconds") from None
-            self._arrived.clear()
-        frame = self._queue.popleft()
-        if isinstance(frame, ConnectionClosed):
-            raise _closed(frame, address) from frame
-        if isinstance(frame, Exception):
-            raise frame
-        self._bytes -= len(frame)
-        return frame
-
-    def _put(self, frame: bytes | str | Exception) -> None:
-        self._queue.append(frame)
-        self._arrived.set()
+                    message = f"nothing came from {self._address.server} for {self._link.timeout:g} seconds"
+                    raise TransferError(message) from None
+            except ConnectionClosed as error:
+                raise _closed(error, self._address) from error
 
 
 async def _send(connection: Connection, frame: bytes) -> None:

@@ -71,4 +71,3 @@ def test_the_bar_is_drawn_only_on_a_terminal(terminal: bool) -> None:
         display.notify("the connection [was] lost")
     assert ("vase: level 0, 1000 vertices" in written.getvalue()) is terminal
     assert "the connection [was] lost" in written.getvalue()
-    assert display.last == FIGURES

@@ -23,11 +23,15 @@ if TYPE_CHECKING:
 STREAM = MadeUpStream()
 
 
+def ignore(_: object) -> None:
+    """Events are looked at where they come out."""
+
+
 async def receive(address: MeshAddress, link: Link | None = None) -> list[Any]:
     link = link or Link()
     session = ClientSession(address.mesh, window=link.window)
     connection = await open_connection(address, link)
-    async with aclosing(receive_events(connection, session, address, link)) as events:
+    async with aclosing(receive_events(connection, session, ignore, address, link)) as events:
         return [event async for event in events]
 
 
@@ -60,7 +64,7 @@ async def test_closing_early_closes_the_connection(serving: Callable[..., Any]) 
     async with serving(STREAM) as server:
         session = ClientSession(server.address.mesh)
         connection = await open_connection(server.address, Link())
-        async with aclosing(receive_events(connection, session, server.address, Link())) as events:
+        async with aclosing(receive_events(connection, session, ignore, server.address, Link())) as events:
             async for _ in events:
                 break
         assert connection.close_code is not None
@@ -187,7 +191,7 @@ async def test_a_frame_that_comes_slowly_is_waited_for(listening: Callable[..., 
         link = Link(timeout=0.25)
         connection = await open_connection(address, link)
         indices = []
-        async with aclosing(receive_events(connection, session, address, link)) as events:
+        async with aclosing(receive_events(connection, session, ignore, address, link)) as events:
             async for event in events:
                 if isinstance(event, PacketEvent):
                     indices.append(event.index)
@@ -222,22 +226,70 @@ async def test_an_oversized_frame_is_refused(listening: Callable[..., Any]) -> N
 
 
 async def test_a_server_that_ignores_the_credit_is_stopped(listening: Callable[..., Any]) -> None:
-    sent = 0
+    stream = MadeUpStream((2000,) * 27)
 
     async def handle(socket: ServerConnection) -> None:
-        nonlocal sent
         await socket.recv()
-        mark = fingerprint(STREAM.header_bytes)
-        await socket.send(encode_message(HeaderPart(mark, len(STREAM.header_bytes), 0, STREAM.header_bytes)))
-        while True:
-            await socket.send(encode_message(PacketPart(0, 0, bytes(1000))))
-            sent += 1000
+        mark = fingerprint(stream.header_bytes)
+        await socket.send(encode_message(HeaderPart(mark, len(stream.header_bytes), 0, stream.header_bytes)))
+        for index, data in enumerate(stream.packet_bytes):
+            await socket.send(encode_message(PacketPart(index, 0, data)))
+        await socket.wait_closed()
 
     async with listening(handle) as address:
-        link = Link(window=2000, rate=1000.0)
-        with pytest.raises(ProtocolError):
-            await receive(address, link)
-    assert sent < 10_000_000
+        link = Link(window=1000)
+        session = ClientSession(address.mesh, window=link.window)
+        taken: list[Any] = []
+        connection = await open_connection(address, link)
+        with pytest.raises(ProtocolError, match="sends more than it was allowed"):
+            async with aclosing(receive_events(connection, session, taken.append, address, link)) as events:
+                async for _ in events:
+                    await asyncio.sleep(0.02)  # as slow as a decoder
+    assert len(taken) < 20
+
+
+async def test_what_arrives_is_taken_while_the_caller_is_busy(serving: Callable[..., Any]) -> None:
+    async with serving(STREAM) as server:
+        session = ClientSession(server.address.mesh)
+        taken: list[Any] = []
+        connection = await open_connection(server.address, Link())
+        async with aclosing(receive_events(connection, session, taken.append, server.address, Link())) as events:
+            await anext(events)
+            await asyncio.sleep(0.1)
+            assert isinstance(taken[-1], DoneEvent)
+            assert [event async for event in events] == taken[1:]
+
+
+async def test_what_cannot_be_stored_is_raised_after_what_was(serving: Callable[..., Any]) -> None:
+    def take(event: object) -> None:
+        if isinstance(event, PacketEvent) and event.index == 2:
+            raise OSError(28, "No space left on device")
+
+    async with serving(STREAM) as server:
+        session = ClientSession(server.address.mesh)
+        connection = await open_connection(server.address, Link())
+        indices: list[int] = []
+        with pytest.raises(OSError, match="No space left"):
+            async with aclosing(receive_events(connection, session, take, server.address, Link())) as events:
+                async for event in events:
+                    if isinstance(event, PacketEvent):
+                        indices.append(event.index)  # noqa: PERF401 - what came before the error counts
+    assert indices == [0, 1]
+
+
+async def test_a_busy_caller_holds_the_server_back(serving: Callable[..., Any]) -> None:
+    stream = MadeUpStream((2000,) * 27)
+    async with serving(stream) as server:
+        link = Link(window=2000)
+        session = ClientSession(server.address.mesh, window=link.window)
+        connection = await open_connection(server.address, link)
+        async with aclosing(receive_events(connection, session, ignore, server.address, link)) as events:
+            async for event in events:
+                if isinstance(event, PacketEvent):
+                    break
+            await asyncio.sleep(0.1)
+            assert len(server.finished_packets) * 2000 <= 2 * link.window
+        await asyncio.sleep(0.05)
 
 
 async def test_a_damaged_packet_is_refused(listening: Callable[..., Any]) -> None:
