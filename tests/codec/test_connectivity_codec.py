@@ -257,6 +257,4 @@ def test_encoder_refuses_foreign_coarse_faces() -> None:
     with pytest.raises(MeshError, match="not what the fine ones collapse to"):
         encode_faces(np.array([[0, 2, 3]], np.int32), parents, np.array([[0, 1, 2]], np.int32), 3)
     with pytest.raises(MeshError, match="not what the fine ones collapse to"):
-        encode_faces(
-            np.array([[0, 2, 1]], np.int32), np.arange(3, dtype=np.int32), np.array([[0, 1, 2]], np.int32), 3
-        )
+        encode_faces(np.array([[0, 2, 1]], np.int32), np.arange(3, dtype=np.int32), np.array([[0, 1, 2]], np.int32), 3)

@@ -101,7 +101,7 @@ def _add_family(
 ) -> int:
     """Append the vertices of [lowest, highest) that can be the apex; returns the new length."""
     for vertex in range(lowest, min(highest, lowest + CAPACITY - count)):
-        if vertex == ends_and_apex[0] or vertex == ends_and_apex[1]:  # noqa: PLR1714 - a tuple would be searched
+        if vertex == ends_and_apex[0] or vertex == ends_and_apex[1]:
             continue
         flags = int(vertices[vertex, half_edges.FLAGS]) if vertices[vertex, half_edges.MARK] == number else 0
         state = 0

@@ -9,6 +9,7 @@ import numpy as np
 from meshtide_codec.connectivity import coarse_kernels, decision_kernels, half_edge_kernels, level_kernels
 from meshtide_codec.connectivity.candidate_kernels import new_candidates
 from meshtide_codec.connectivity.coarse_kernels import build_coarse_mesh
+from meshtide_codec.connectivity.decision_kernels import Models
 from meshtide_codec.connectivity.edge_index_kernels import sorted_faces
 from meshtide_codec.connectivity.half_edge_kernels import FineMesh
 from meshtide_codec.connectivity.level_kernels import Level
@@ -59,6 +60,19 @@ def encode_faces(
     Raises:
         MeshError: an argument breaks these rules.
     """
+    models = new_models(geometric=positions is not None)
+    return encode_with(models, fine_faces, parents, coarse_faces, coarse_count, positions)
+
+
+def encode_with(
+    models: Models,
+    fine_faces: Integers,
+    parents: Integers,
+    coarse_faces: Integers,
+    coarse_count: int,
+    positions: Integers | None,
+) -> bytes:
+    """Like `encode_faces`, starting from the given models and leaving in them what they have learnt."""
     problem = _problem(parents, coarse_faces, coarse_count, positions)
     if problem is None and not _valid_indices(fine_faces, len(parents)):
         problem = "the fine faces must be an (m, 3) array of fine vertices"
@@ -69,14 +83,13 @@ def encode_faces(
     fine_parents = np.ascontiguousarray(parents, np.int32)
     coarse = build_coarse_mesh(fine_parents, np.ascontiguousarray(coarse_faces, np.int32), coarse_count)
     truth = build_truth(np.ascontiguousarray(fine_faces, np.int32), len(parents))
-    witnesses = find_witnesses(truth.faces, fine_parents, coarse)
     distinct, closed, clean = survey(truth)
     if not distinct:
         raise MeshError("connectivity cannot be coded: a face is given twice")
     if len(parents) == coarse_count:
         closed = clean = True  # nothing splits: all faces are copied, and nothing is announced wrongly
     while True:
-        payload, status = _encoded_as(closed, clean, coarse, truth, fine_parents, positions, witnesses)
+        payload, status = _encoded_as(closed, clean, models, coarse, truth, fine_parents, positions)
         if status == level_kernels.DONE:
             return payload
         if status == level_kernels.NOT_CLOSED and closed:
@@ -93,23 +106,31 @@ def encode_faces(
 def _encoded_as(
     closed: bool,
     clean: bool,
+    models: Models,
     coarse: CoarseMesh,
     truth: Truth,
     parents: NDArray[np.int32],
     positions: Integers | None,
-    witnesses: NDArray[np.int32],
 ) -> tuple[bytes, int]:
     """The payload of a level announced as closed or clean or not, and the status that says whether it was true."""
     status = level_kernels.DONE
+    witnesses = find_witnesses(truth.faces, parents, coarse)
+    fresh = Models(models.contexts.copy(), models.scores.copy())
 
     def write(coder: Coder, buffer: Buffer) -> None:
         nonlocal status
-        level = _new_level(coarse, truth, parents, len(truth.faces), positions)
+        models.contexts[:] = fresh.contexts
+        models.scores[:] = fresh.scores
+        level = new_level(coarse, truth, parents, len(truth.faces), positions)
         level = level._replace(encoding=True, closed=closed, clean=clean)
         code_raw_bits(coder, buffer, 2, 2 * closed + clean)
-        status = traverse(coder, buffer, new_models(geometric=positions is not None), level, witnesses)
+        status = traverse(coder, buffer, models, level, witnesses)
 
-    return encoded(write, len(truth.faces)), status
+    payload = encoded(write, len(truth.faces))
+    if status != level_kernels.DONE:
+        models.contexts[:] = fresh.contexts
+        models.scores[:] = fresh.scores
+    return payload, status
 
 
 def decode_faces(
@@ -139,7 +160,7 @@ def decode_faces(
     coarse = build_coarse_mesh(fine_parents, np.ascontiguousarray(coarse_faces, np.int32), coarse_count)
     coder, buffer = opened(payload)
     flags = code_raw_bits(coder, buffer, 2, 0)
-    level = _new_level(coarse, empty_truth(), fine_parents, face_count, positions)
+    level = new_level(coarse, empty_truth(), fine_parents, face_count, positions)
     level = level._replace(closed=flags >= 2, clean=flags % 2 == 1)
     status = traverse(coder, buffer, new_models(geometric=positions is not None), level, NOTHING)
     offset = min(int(coder[POSITION]), len(payload))
@@ -173,7 +194,7 @@ def _valid_indices(faces: Integers, count: int) -> bool:
     return len(faces) == 0 or (int(faces.min()) >= 0 and int(faces.max()) < count)
 
 
-def _new_level(
+def new_level(
     coarse: CoarseMesh,
     truth: Truth,
     parents: NDArray[np.int32],

@@ -14,7 +14,7 @@ import numpy as np
 from meshtide_codec.compilation import inlined_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity.borrowing import borrowing_kernel
-from meshtide_codec.connectivity.candidate_kernels import CLOSINGS, CORNERS, KINDS, STATES
+from meshtide_codec.connectivity.candidate_kernels import CLOSINGS, CORNERS, KINDS
 from meshtide_codec.connectivity.mixing_kernels import code_paired_bit
 from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT
 from meshtide_codec.entropy.model_kernels import SIGNED_CONTEXTS

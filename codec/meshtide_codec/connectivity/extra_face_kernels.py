@@ -79,7 +79,13 @@ def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, ha
             direction += 1
     if not code_adaptive_bit(coder, buffer, models.contexts, EXTRA_CONTEXTS + context, more):
         return DONE
-    direction = code_adaptive_bit(coder, buffer, models.contexts, EXTRA_DIRECTION_CONTEXTS + (1 if state == half_edges.BORDER else 0), direction & 1)
+    direction = code_adaptive_bit(
+        coder,
+        buffer,
+        models.contexts,
+        EXTRA_DIRECTION_CONTEXTS + (1 if state == half_edges.BORDER else 0),
+        direction & 1,
+    )
     if direction:
         first, second = second, first
     if not level.encoding:
@@ -97,7 +103,9 @@ def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, ha
 def _gather(level: Level, first: int, second: int, known_apex: int) -> int:
     number = next_number(level)
     half_edges.mark_surroundings(level.fine, first, second, number)
-    count, _, _ = gather_apexes(level.candidates, level.coarse, level.fine, first, second, known_apex, number, EVERYTHING)
+    count, _, _ = gather_apexes(
+        level.candidates, level.coarse, level.fine, first, second, known_apex, number, EVERYTHING
+    )
     return count
 
 

@@ -141,9 +141,7 @@ def _code_blocked_apex(
     first, second, known_apex = corners
     candidates = level.candidates
     vertices = level.fine.vertices
-    count, _, _ = gather_apexes(
-        candidates, level.coarse, level.fine, first, second, known_apex, number, BLOCKED_ONLY
-    )
+    count, _, _ = gather_apexes(candidates, level.coarse, level.fine, first, second, known_apex, number, BLOCKED_ONLY)
     if count == 0:
         return DONE
     best, total = score_candidates(
@@ -152,9 +150,7 @@ def _code_blocked_apex(
     has_face = 0
     if level.encoding and find_right(level.truth, candidates, count, first, second):
         has_face = 1
-    if not code_gate_has_face(
-        coder, buffer, models, surroundings, count, CLOSINGS - 1, total, has_face
-    ):
+    if not code_gate_has_face(coder, buffer, models, surroundings, count, CLOSINGS - 1, total, has_face):
         return DONE
     row = code_choice(coder, buffer, models, AT_EXTRA_FACE, candidates, count, best, total)
     if row < 0:

@@ -52,9 +52,7 @@ def _weights() -> NDArray[np.int64]:
     """FULL_WEIGHT * exp(-i * 4 / LOGISTIC_UNIT), rounded; by `decimal`, so the same on every machine."""
     context = Context(prec=20)
     steps = LOGISTIC_UNIT >> SCORE_SHIFT
-    exact = [
-        context.multiply(FULL_WEIGHT, context.exp(context.divide(-i, steps))) for i in range(LOWEST_WEIGHT + 1)
-    ]
+    exact = [context.multiply(FULL_WEIGHT, context.exp(context.divide(-i, steps))) for i in range(LOWEST_WEIGHT + 1)]
     return np.array([int(weight.to_integral_value()) for weight in exact], np.int64)
 
 
@@ -88,8 +86,10 @@ def shape_features(
     across = shapes.squared_distance(gate.known, apex)
     angle = shapes.angle_class(gate.squared, one, other)
     length = shapes.length_class(across, gate.ratio_scale)
-    shorter = shapes.short_length(min(one, other))
-    longer = shapes.short_length(max(one, other))
+    shorter = shapes.short_length(one)
+    longer = shapes.short_length(other)
+    if shorter > longer:
+        shorter, longer = longer, shorter
     angle_sum = min(31, (int(vertices[vertex, half_edges.ANGLE]) + angle) >> 1)
     bend = shapes.bend_class(gate, apex)
     return (

@@ -58,7 +58,7 @@ def _half_way(low: int, high: int, scale: int) -> int:
 
 ANGLE_CLASSES = _angle_classes()
 LENGTH_CLASSES = np.array(
-    [min(LENGTHS - 1, max(0, (max(i, 1) ** 2).bit_length() - 3)) for i in range(RATIO_STEPS + 1)], np.int64
+    [min(LENGTHS - 1, max(0, (max(i, 1) ** 2).bit_length() - 3)) for i in range(RATIO_STEPS)], np.int64
 )
 """Equal lengths are at the lower end of class 6."""
 
@@ -132,8 +132,8 @@ def class_of_cosine(signed_square: float, scale: float) -> int:
     """Class of the angle whose cosine squared, with its sign, is signed_square / scale; 0 if scale is not positive."""
     if not scale > 0.0:
         return 0
-    place = signed_square / scale * (COSINE_STEPS // 2) + COSINE_STEPS // 2
-    return int(ANGLE_CLASSES[int(min(max(place, 0.0), float(COSINE_STEPS)))])
+    place = int(signed_square / scale * (COSINE_STEPS // 2) + COSINE_STEPS // 2)
+    return int(ANGLE_CLASSES[min(max(place, 0), COSINE_STEPS)])
 
 
 @inlined_kernel
@@ -155,10 +155,15 @@ def bend_class(gate: GateShape, apex: tuple[float, float, float]) -> int:
 @inlined_kernel
 def length_class(squared: float, ratio_scale: float) -> int:
     """Class of a squared length in proportion to the gate's."""
-    return int(LENGTH_CLASSES[int(min(squared * ratio_scale, float(RATIO_STEPS)))])
+    ratio = squared * ratio_scale
+    if ratio >= RATIO_STEPS:
+        return LENGTHS - 1
+    return int(LENGTH_CLASSES[int(ratio)])
 
 
 @inlined_kernel
 def short_length(squared: float) -> int:
     """Squared length in squared cells, rounded, or SHORT_LENGTHS - 1."""
-    return int(min(squared * 0.25 + 0.5, SHORT_LENGTHS - 0.5))
+    if squared >= 4 * (SHORT_LENGTHS - 1):
+        return SHORT_LENGTHS - 1
+    return int(squared * 0.25 + 0.5)

@@ -1,33 +1,41 @@
-"""The trained tables: what score a candidate gets before anything is known about the mesh at hand."""
+"""The trained tables: what the coder expects before it knows anything about the mesh at hand.
+
+Two files, without and with positions, made by tools/train_connectivity.py: scores of candidates, and for each context
+how probable a one was in training and how often it was asked. They are part of the format: other tables, other streams.
+"""
 
 from __future__ import annotations
 
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.connectivity.decision_kernels import CONTEXTS, Models
-from meshtide_codec.entropy.model_kernels import new_contexts
+from meshtide_codec.connectivity.decision_kernels import Models
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-PRIOR_LIMIT = 12  # decisions of the training that a fresh context remembers
+PRIOR_LIMIT = 12  # a context starts with at most this count, so that it still learns fast
 
 
 def new_models(*, geometric: bool) -> Models:
-    """Models for one level, as the training left them; scores are shared, contexts are the caller's own."""
-    scores, contexts = _trained("geometric" if geometric else "plain")
+    """Models for one level, as the training left them; the caller may change them."""
+    scores, contexts = _trained(geometric=geometric)
     return Models(contexts.copy(), scores.copy())
 
 
+def table_path(*, geometric: bool) -> Path:
+    """Where the table of a mode lies."""
+    return Path(__file__).parent / "tables" / ("with_positions.npz" if geometric else "without_positions.npz")
+
+
 @cache
-def _trained(mode: str) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _trained(*, geometric: bool) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Scores and contexts of one mode."""
-    with files(__package__).joinpath("tables", f"{mode}.npz").open("rb") as stream, np.load(stream) as tables:
-        scores = tables["scores"].astype(np.int32)
-        probabilities = tables["probabilities"].astype(np.int32)
-        counts = np.minimum(tables["counts"].astype(np.int32), PRIOR_LIMIT)
+    with np.load(table_path(geometric=geometric)) as table:
+        scores = table["scores"].astype(np.int32)
+        probabilities = table["probabilities"].astype(np.int32)
+        counts = np.minimum(table["counts"].astype(np.int32), PRIOR_LIMIT)
     return scores, probabilities << 8 | counts
