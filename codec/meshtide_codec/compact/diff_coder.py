@@ -16,6 +16,7 @@ import numpy as np
 
 from meshtide_codec.compact import diff_kernels
 from meshtide_codec.compact import diff_prediction_kernels as prediction
+from meshtide_codec.compact.diff_row_kernels import fill_rows
 from meshtide_codec.compact.mirror_kernels import find_partners
 from meshtide_codec.compact.models import new_diff_models
 from meshtide_codec.entropy.codec import encoded, fully_read, opened
@@ -57,8 +58,15 @@ class SliceState:
     models: Models
 
 
-def new_slice_state(root: Level, slices: Slices, slice_index: int) -> SliceState:
-    """The state of a slice before its first Diff; `root` is the level of depth 0, `root_level(vertex_count)`."""
+def new_slice_state(root: Level, slices: Slices, slice_index: int, models: Models | None = None) -> SliceState:
+    """The state of a slice before its first Diff.
+
+    Args:
+        root: the level of depth 0, `root_level(vertex_count)`.
+        slices: the stream's slices.
+        slice_index: which of them.
+        models: other states than the trained ones, for training.
+    """
     vertices = slices.vertices(root, slice_index)
     count = int(root.leaves[vertices.start : vertices.stop].sum())
     return SliceState(
@@ -68,7 +76,7 @@ def new_slice_state(root: Level, slices: Slices, slice_index: int) -> SliceState
         errors=np.full(count, diff_kernels.NEW_ERROR),
         partners=np.full(count, -1, np.int32),
         outcomes=np.zeros(count, np.uint8),
-        models=new_diff_models(),
+        models=new_diff_models() if models is None else models,
     )
 
 
@@ -231,14 +239,7 @@ class _BitPlane:
     def _rows(self) -> NDArray[np.float64]:
         """Working rows of all vertices: reliable data, and what this slice's Diffs have told of its own leaves."""
         level, state = self.level, self.state
-        fresh = level.cell_depths == level.depth
-        rows = np.zeros((level.vertex_count, prediction.ROW_SIZE))
-        rows[:, prediction.X : prediction.X + 3] = level.centres
-        rows[:, prediction.KNOWN] = fresh
-        rows[:, prediction.ERROR] = np.where(fresh, diff_kernels.NEW_ERROR, diff_kernels.FOREIGN_ERROR)
-        rows[self.owners, prediction.X : prediction.X + 3] = 4 * state.cells + 2
-        rows[self.owners, prediction.ERROR] = state.errors * diff_kernels.ERROR_GROWTH
-        return rows
+        return fill_rows(level.centres, level.cell_depths, level.depth, self.owners, state.cells, state.errors)
 
     def _find_partners(
         self,

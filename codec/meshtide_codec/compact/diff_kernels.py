@@ -17,6 +17,7 @@ from meshtide_codec.compact import diff_prediction_kernels as prediction
 from meshtide_codec.compact.quantizers import SATURATING_ENTRIES, STEPS, saturating_classes
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
 from meshtide_codec.compilation import inlined_kernel, kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel
 from meshtide_codec.entropy.mixing_kernels import INPUTS, code_mixed_bit
 
 if TYPE_CHECKING:
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
     from meshtide_codec.entropy.model_kernels import Contexts
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
-RATE = 18
-LIMIT = 150
+RATE = 17
+LIMIT = 100
 
 MIRROR_STATES = 9  # 0: no partner; partner unknown (1..4) or known (5..8) x verdict of the neighbours' partners
 MIRROR_TRUSTED = 7  # from this state on, the partner is known and the neighbours' partners mostly agree
@@ -167,7 +168,7 @@ def choose_neuron(classes: Classes) -> int:
     return int(row) * 3 + trust
 
 
-@kernel
+@borrowing_kernel
 def look_in_mirror(
     vertex: int,
     rows: Rows,
@@ -202,7 +203,7 @@ def look_in_mirror(
     classes[prediction.MIRROR_STATE] = 1 + verdict + (4 if known else 0)
 
 
-@kernel
+@borrowing_kernel
 def compare_with_image(
     vertex: int, partner: int, moved: Rows, predictions: Predictions, outcomes: NDArray[np.uint8]
 ) -> None:
@@ -241,13 +242,63 @@ def code_diff(
     mirror_axis is -1 without symmetry, and partners and outcomes are not looked at then; partners hold a vertex in
     [begin, end) or -1. Vertices out of [begin, end) are never changed.
     """
-    starts, members, closed = rings
     offsets = np.zeros((RING_LIMIT, 4))
     moved = np.zeros(3)
     predictions = np.zeros(prediction.PREDICTIONS)
     classes = np.zeros(prediction.CLASSES, np.int64)
     places = np.zeros(INPUTS, np.int64)
     signs = np.zeros(INPUTS, np.int64)
+    _code_vertices(
+        coder,
+        buffer,
+        contexts,
+        weights,
+        rows,
+        owners,
+        targets,
+        rings,
+        across,
+        begin,
+        end,
+        mirror_axis,
+        mirror_plane,
+        partners,
+        outcomes,
+        offsets,
+        moved,
+        predictions,
+        classes,
+        places,
+        signs,
+    )
+
+
+@borrowing_kernel
+def _code_vertices(
+    coder: Coder,
+    buffer: Buffer,
+    contexts: Contexts,
+    weights: Weights,
+    rows: Rows,
+    owners: NDArray[np.int32],
+    targets: NDArray[np.int32],
+    rings: Rings,
+    across: NDArray[np.int32],
+    begin: int,
+    end: int,
+    mirror_axis: int,
+    mirror_plane: float,
+    partners: NDArray[np.int32],
+    outcomes: NDArray[np.uint8],
+    offsets: Rows,
+    moved: Rows,
+    predictions: Predictions,
+    classes: Classes,
+    places: Opinions,
+    signs: Opinions,
+) -> None:
+    """`code_diff`, with its scratch given."""
+    starts, members, closed = rings
     prediction.set_laplacians(rows, begin, end, starts, members)
     for index in range(len(owners)):
         vertex = owners[index]

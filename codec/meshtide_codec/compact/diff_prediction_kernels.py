@@ -14,7 +14,8 @@ import numpy as np
 
 from meshtide_codec.compact.quantizers import LOGARITHM_ENTRIES, STEPS, half_octave_classes
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
-from meshtide_codec.compilation import inlined_kernel, kernel
+from meshtide_codec.compilation import inlined_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,13 +65,13 @@ _TRUST_DRIFT = 0.025
 _FAR = 1e9
 
 
-@kernel
+@inlined_kernel
 def error_class(error: float) -> int:
     """0..23 by half octaves of the error."""
     return int(_ERROR_TABLE[np.uintp(min(int(error * STEPS), LOGARITHM_ENTRIES - 1))])
 
 
-@kernel
+@borrowing_kernel
 def set_laplacians(rows: Rows, begin: int, end: int, starts: NDArray[np.int32], members: NDArray[np.int32]) -> None:
     """Store the neighbours' mean minus the position for the vertices in [begin, end)."""
     for vertex in range(begin, end):
@@ -91,7 +92,7 @@ def set_laplacians(rows: Rows, begin: int, end: int, starts: NDArray[np.int32], 
         rows[vertex, LAPLACIAN + 2] = z
 
 
-@inlined_kernel
+@borrowing_kernel
 def gather_ring(
     vertex: int,
     rows: Rows,
@@ -151,14 +152,14 @@ def gather_ring(
     return count
 
 
-@kernel
+@inlined_kernel
 def set_means(predictions: Predictions, axis: int, mean: float, spread: float, own: float) -> None:
     """Both filtered means on one axis, from the neighbours' mean offset, mean Laplacian, and the own Laplacian."""
     predictions[SMOOTHED + axis] = SMOOTHED_MEAN * mean - SMOOTHED_SPREAD * spread + SMOOTHED_OWN * own
     predictions[MEAN + axis] = mean - MEAN_SPREAD * spread
 
 
-@inlined_kernel
+@borrowing_kernel
 def fit_plane(count: int, closed: bool, offsets: Rows, predictions: Predictions, classes: Classes) -> None:
     """Set NORMAL from the ring's offsets, PLANE, and the order of the axes."""
     normal_x = normal_y = normal_z = 0.0
@@ -201,7 +202,7 @@ def fit_plane(count: int, closed: bool, offsets: Rows, predictions: Predictions,
     classes[AXES + 2] = axis_c
 
 
-@kernel
+@inlined_kernel
 def trust_class(distance: float) -> int:
     """1 + floor(2 log2(1 + 4 distance)), at most 7."""
     grown = 1.0 + 4.0 * distance
@@ -252,7 +253,7 @@ def conclude(
     predictions[which + 2] = z * scale
 
 
-@inlined_kernel
+@borrowing_kernel
 def guess_in_ring(count: int, closed: bool, offsets: Rows, predictions: Predictions, classes: Classes) -> None:
     """Set RING: parallelograms of three consecutive ring members, whose fourth corner is the vertex."""
     sum_x = sum_y = sum_z = total = 0.0
@@ -276,7 +277,7 @@ def guess_in_ring(count: int, closed: bool, offsets: Rows, predictions: Predicti
     conclude(predictions, RING, classes, RING_TRUST, sum_x, sum_y, sum_z, total, best)
 
 
-@inlined_kernel
+@borrowing_kernel
 def guess_midpoints(count: int, closed: bool, offsets: Rows, predictions: Predictions, classes: Classes) -> None:
     """Set MIDPOINT: midpoints of opposite ring members."""
     sum_x = sum_y = sum_z = total = 0.0
@@ -299,7 +300,7 @@ def guess_midpoints(count: int, closed: bool, offsets: Rows, predictions: Predic
     conclude(predictions, MIDPOINT, classes, MIDPOINT_TRUST, sum_x, sum_y, sum_z, total, best)
 
 
-@inlined_kernel
+@borrowing_kernel
 def guess_across(
     vertex: int,
     count: int,

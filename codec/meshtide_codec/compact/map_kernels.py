@@ -15,6 +15,7 @@ import numpy as np
 from meshtide_codec.compact import map_survey_kernels as surveys
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
 from meshtide_codec.compilation import inlined_kernel, kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel
 from meshtide_codec.entropy.mixing_kernels import INPUTS, code_mixed_bit
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
 RATE = 16
-LIMIT = 200
+LIMIT = 60
 
 MIRROR_STATES = 5  # no symmetry, no mirrored cell known, mirror seldom, sometimes, mostly right
 MIRROR_ANSWERS = 3  # nothing known, mirrored octant empty, occupied
@@ -67,7 +68,7 @@ NEURONS = OCCUPANCY_NEURONS + LEAF_NEURONS
 TOO_MANY_VERTICES = -1  # the Map claims more vertices than the mesh has
 
 
-@kernel
+@borrowing_kernel
 def mirrored_children(
     vertex: int, mirrored_cells: NDArray[np.int32], axis: int, occupied: NDArray[np.uint8], leaf: NDArray[np.uint8]
 ) -> int:
@@ -152,7 +153,7 @@ def quarter_logarithm(total: int, count: int) -> int:
     return logarithm
 
 
-@kernel
+@borrowing_kernel
 def code_children(
     coder: Coder,
     buffer: Buffer,
@@ -225,7 +226,7 @@ def leaf_ratio_class(survey: Scratch) -> int:
     return 4 * int(survey[surveys.LEAF_NEIGHBOURS]) // int(survey[surveys.NEIGHBOURS])
 
 
-@kernel
+@borrowing_kernel
 def code_leaf_flags(
     coder: Coder,
     buffer: Buffer,
@@ -326,6 +327,61 @@ def code_map(
     signs = np.ones(INPUTS, np.int64)
     child_counts = np.zeros(vertices, np.uint8)
     leaf_counts = np.zeros(vertices, np.uint8)
+    return _code_cells(
+        coder,
+        buffer,
+        contexts,
+        weights,
+        centres,
+        leaves,
+        ages,
+        rings,
+        mirrored_cells,
+        mirror_axis,
+        occupied,
+        leaf,
+        last_depth,
+        vertex_limit,
+        survey,
+        votes,
+        heights,
+        sides,
+        offsets,
+        places,
+        signs,
+        child_counts,
+        leaf_counts,
+    )
+
+
+@borrowing_kernel
+def _code_cells(
+    coder: Coder,
+    buffer: Buffer,
+    contexts: Contexts,
+    weights: Weights,
+    centres: NDArray[np.int32],
+    leaves: NDArray[np.bool_],
+    ages: NDArray[np.uint8],
+    rings: Rings,
+    mirrored_cells: NDArray[np.int32],
+    mirror_axis: int,
+    occupied: NDArray[np.uint8],
+    leaf: NDArray[np.uint8],
+    last_depth: bool,
+    vertex_limit: int,
+    survey: Scratch,
+    votes: Scratch,
+    heights: Scratch,
+    sides: Scratch,
+    offsets: Scratch,
+    places: Opinions,
+    signs: Opinions,
+    child_counts: NDArray[np.uint8],
+    leaf_counts: NDArray[np.uint8],
+) -> int:
+    """`code_map`, with its scratch given."""
+    vertices = len(leaves)
     minimum = 2 if last_depth else 1
     trust = 0
     children = 0

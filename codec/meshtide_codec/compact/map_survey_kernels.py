@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
-from meshtide_codec.compilation import inlined_kernel, kernel
+from meshtide_codec.compilation import inlined_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel
 
 if TYPE_CHECKING:
     import numpy as np
@@ -79,7 +80,7 @@ def face_side(dx: int, dy: int, dz: int) -> int:
     return -1
 
 
-@kernel
+@borrowing_kernel
 def survey_neighbours(
     vertex: int,
     centres: NDArray[np.int32],
@@ -142,7 +143,7 @@ def survey_neighbours(
     survey[CODED_LEAVES] = coded_leaves
 
 
-@kernel
+@borrowing_kernel
 def orient_frame(survey: Scratch, offsets: Scratch, heights: Scratch) -> None:
     """Fill the survey's frame from the ring's offsets: normal class, canonical order, and the octants' `heights`.
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SMALLEST_SHARE = 0.25
 """From this share of vertices with a mirror image on, the symmetry is worth its contexts."""
 
-SAMPLE = 20_000
+SAMPLE = 3_000
 """Vertices that candidates are judged by."""
 
 _NO_CELLS = np.zeros((0, 2), np.int32)

@@ -1,9 +1,18 @@
-"""The adaptive states of the Map coder and of the Diff coder: contexts and mixer weights, fresh or carried along."""
+"""The adaptive states of the Map coder and of the Diff coder: contexts and mixer weights.
+
+Streams begin from trained states, which spare small meshes and early packets the time to learn. The states are part
+of the format: `geometry_states.npz` holds for each context its probability (16 bits) and count, and the weights.
+`tools/train_geometry.py` makes the file.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+from importlib import resources
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from meshtide_codec.compact import diff_kernels, map_kernels
 from meshtide_codec.entropy.mixing_kernels import new_weights
@@ -13,8 +22,10 @@ if TYPE_CHECKING:
     from meshtide_codec.entropy.mixing_kernels import Weights
     from meshtide_codec.entropy.model_kernels import Contexts
 
-INITIAL_TRUST = 1.4
-"""Sum of a fresh neuron's weights: contexts that agree are more certain together than each alone."""
+STATES_FILE = "geometry_states.npz"
+
+UNTRAINED_TRUST = 1.4
+"""Sum of an untrained neuron's weights: contexts that agree are more certain together than each alone."""
 
 
 @dataclasses.dataclass
@@ -36,9 +47,29 @@ class Models:
 
 def new_map_models() -> Models:
     """States for the first Map of a stream."""
-    return Models(new_contexts(map_kernels.CONTEXTS), new_weights(map_kernels.NEURONS, INITIAL_TRUST))
+    return _trained("map").copy()
 
 
 def new_diff_models() -> Models:
     """States for the first Diff of a slice."""
-    return Models(new_contexts(diff_kernels.CONTEXTS), new_weights(diff_kernels.NEURONS, INITIAL_TRUST))
+    return _trained("diff").copy()
+
+
+def untrained_map_models() -> Models:
+    """Even chances and equal weights for the Map coder: where training begins."""
+    return Models(new_contexts(map_kernels.CONTEXTS), new_weights(map_kernels.NEURONS, UNTRAINED_TRUST))
+
+
+def untrained_diff_models() -> Models:
+    """Even chances and equal weights for the Diff coder: where training begins."""
+    return Models(new_contexts(diff_kernels.CONTEXTS), new_weights(diff_kernels.NEURONS, UNTRAINED_TRUST))
+
+
+@functools.cache
+def _trained(coder: str) -> Models:
+    """The trained states of one of the coders, from the package's data."""
+    with (resources.files("meshtide_codec.compact") / STATES_FILE).open("rb") as file, np.load(file) as states:
+        probabilities = states[f"{coder}_probabilities"].astype(np.int32)
+        counts = states[f"{coder}_counts"].astype(np.int32)
+        weights = states[f"{coder}_weights"].astype(np.int32)
+    return Models((probabilities << 8) | counts, weights)

@@ -1,0 +1,85 @@
+"""Trained states: they fit the coders, are handed out as copies, and help small meshes; the format's golden bytes."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+import pytest
+
+from meshtide_codec.compact import diff_kernels, map_kernels
+from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
+from meshtide_codec.compact.map_coder import encode_map
+from meshtide_codec.compact.mirror import Mirror
+from meshtide_codec.compact.models import (
+    Models,
+    new_diff_models,
+    new_map_models,
+    untrained_diff_models,
+    untrained_map_models,
+)
+from meshtide_codec.compact.octree import Octree
+from meshtide_codec.compact.slices import Slices
+from meshtide_codec.entropy.mixing_kernels import INPUTS, WEIGHT_LIMIT
+from octrees import lattice_soup, torus
+
+
+def payloads(octree: Octree, map_models: Models, diff_models: Models, mirror: Mirror | None = None) -> list[bytes]:
+    slices = Slices(octree.bits)
+    state = new_slice_state(octree.levels[0], slices, 0, diff_models)
+    packets = []
+    for depth in range(1, octree.bits + 1):
+        coarse, fine = octree.levels[depth - 1], octree.levels[depth]
+        if not coarse.all_leaves:
+            packets.append(encode_map(coarse, fine, octree.bits, map_models, mirror))
+        packets.append(encode_diff(octree, depth, state, slices, 0, mirror))
+    return packets
+
+
+def size(packets: list[bytes]) -> int:
+    return sum(map(len, packets))
+
+
+@pytest.mark.parametrize(
+    ("models", "contexts", "neurons"),
+    [
+        (new_map_models(), map_kernels.CONTEXTS, map_kernels.NEURONS),
+        (new_diff_models(), diff_kernels.CONTEXTS, diff_kernels.NEURONS),
+        (untrained_map_models(), map_kernels.CONTEXTS, map_kernels.NEURONS),
+        (untrained_diff_models(), diff_kernels.CONTEXTS, diff_kernels.NEURONS),
+    ],
+)
+def test_states_fit_the_coders(models: Models, contexts: int, neurons: int) -> None:
+    assert models.contexts.dtype == models.weights.dtype == np.int32
+    assert models.contexts.shape == (contexts,)
+    assert models.weights.shape == (neurons * INPUTS,)
+    assert (np.abs(models.weights) <= WEIGHT_LIMIT).all()
+    assert ((models.contexts & 255) <= min(map_kernels.LIMIT, diff_kernels.LIMIT)).all()
+    assert (models.contexts >= 0).all()
+    assert ((models.contexts >> 8) < 65536).all()
+
+
+def test_states_are_handed_out_as_copies() -> None:
+    new_map_models().contexts[:] = 0
+    assert new_map_models().contexts.any()
+    models = new_map_models()
+    copy = models.copy()
+    copy.weights[:] = 0
+    assert models.weights.any()
+
+
+def test_training_helps_small_meshes() -> None:
+    octree = torus(40, 20, 8)
+    trained = size(payloads(octree, new_map_models(), new_diff_models()))
+    untrained = size(payloads(octree, untrained_map_models(), untrained_diff_models()))
+    assert trained < 0.97 * untrained
+
+
+@pytest.mark.parametrize(
+    ("mirror", "total", "checksum"), [(None, 619, 2375055616), (Mirror(1, 1023, 10), 624, 3049585386)]
+)
+def test_golden_bytes(mirror: Mirror | None, total: int, checksum: int) -> None:
+    """The payloads of a fixed mesh never change within a format version, on any machine."""
+    packets = payloads(lattice_soup(11, 200, 400, 10), new_map_models(), new_diff_models(), mirror)
+    assert size(packets) == total
+    assert zlib.crc32(b"".join(packets)) == checksum
