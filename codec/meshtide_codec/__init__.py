@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from meshtide_codec.classic.options import ClassicOptions
+    from meshtide_codec.compact.options import CompactOptions
     from meshtide_codec.decoder import Decoder, LevelUpdate, decode
     from meshtide_codec.encoder import EncodedMesh, encode
     from meshtide_codec.errors import MeshtideError
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "ClassicOptions": "classic.options",
+    "CompactOptions": "compact.options",
     "ContainerReader": "stream.container",
     "Decoder": "decoder",
     "EncodedMesh": "encoder",
@@ -55,6 +57,7 @@ _HOMES = {
 
 __all__ = [
     "ClassicOptions",
+    "CompactOptions",
     "ContainerReader",
     "Decoder",
     "EncodedMesh",

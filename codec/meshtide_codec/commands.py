@@ -30,43 +30,60 @@ def register(app: typer.Typer) -> None:
 def encode(
     mesh: Annotated[Path, typer.Argument(help="Mesh file: PLY, OBJ, OFF, STL, GLB, ...")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Default: the mesh's name with .tide.")] = None,
+    profile: Annotated[
+        str, typer.Option(help="compact (small) or classic (the paper's codec, for study).")
+    ] = "compact",
     bits: Annotated[int, typer.Option("-B", "--bits", help="Quantization bits per coordinate, 4 to 20.")] = 12,
-    drop_bits: Annotated[int, typer.Option("-K", "--drop-bits", help="Bits per coordinate that a level drops.")] = 1,
-    minimum_ratio: Annotated[float, typer.Option(help="Skip levels that collapse less than this.")] = 1.5,
-    coarsest_vertices: Annotated[int, typer.Option(help="Stop at a level of so many vertices.")] = 300,
+    previews: Annotated[
+        str | None, typer.Option(help="compact: ratios of the previews, such as 512,64; or none.", show_default=False)
+    ] = None,
+    slices: Annotated[int | None, typer.Option(help="compact: into how many parts the Diffs are cut.")] = None,
+    drop_bits: Annotated[
+        int | None, typer.Option("-K", "--drop-bits", help="classic: bits per coordinate that a level drops.")
+    ] = None,
+    minimum_ratio: Annotated[float | None, typer.Option(help="classic: skip levels that collapse less.")] = None,
+    coarsest_vertices: Annotated[int | None, typer.Option(help="classic: stop at a level so small.")] = None,
     filter_kind: Annotated[
-        str, typer.Option("--filter", help="zeroth, gaussian, taubin, polynomial or rational.")
-    ] = "polynomial",
-    degree: Annotated[int, typer.Option(help="Degree of a polynomial filter.")] = 3,
-    basis: Annotated[str, typer.Option(help="power or chebyshev.")] = "power",
-    norm: Annotated[float, typer.Option(help="p of the l_p norm that the filter minimises: 1 to 2, or inf.")] = 2.0,
+        str | None, typer.Option("--filter", help="classic: zeroth, gaussian, taubin, polynomial or rational.")
+    ] = None,
+    degree: Annotated[int | None, typer.Option(help="classic: degree of a polynomial filter.")] = None,
+    basis: Annotated[str | None, typer.Option(help="classic: power or chebyshev.")] = None,
+    norm: Annotated[float | None, typer.Option(help="classic: p of the norm that is minimised, 1 to 2 or inf.")] = None,
     variable_from: Annotated[
-        int | None, typer.Option("-S", help="Levels S-1 to 1 send no Diff; a large S is single resolution.")
+        int | None, typer.Option("-S", help="classic: levels S-1 to 1 send no Diff; a large S is single resolution.")
     ] = None,
     diff_levels: Annotated[
-        str | None, typer.Option(help="The very levels whose Diffs are sent, such as 0,2,3.")
+        str | None, typer.Option(help="classic: the very levels whose Diffs are sent, such as 0,2,3.")
     ] = None,
     keep_unreferenced: Annotated[bool, typer.Option(help="Keep vertices that no face uses.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Encode a mesh file into a .tide stream.
 
-    Example: meshtide encode bunny.obj -o bunny.tide --degree 5 --basis chebyshev
+    Example: meshtide encode bunny.obj -o bunny.tide
+
+    Example: meshtide encode bunny.obj --profile classic --degree 5 --basis chebyshev
     """
-    from meshtide_codec.classic.options import ClassicOptions
     from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.command_options import profile_options
     from meshtide_codec.encoder import encode as encode_mesh
     from meshtide_codec.files import load_mesh, write_atomically
-    from meshtide_codec.filters import FilterSpec
 
-    options = ClassicOptions(
-        bits=bits,
-        drop_bits=drop_bits,
-        minimum_ratio=minimum_ratio,
-        coarsest_vertices=coarsest_vertices,
-        filter=FilterSpec(filter_kind, degree=degree, basis=basis, norm=norm),  # type: ignore[arg-type]
-        variable_from=variable_from,
-        sent_levels=None if diff_levels is None else _levels(diff_levels),
+    options = profile_options(
+        profile,
+        bits,
+        {"previews": previews, "slices": slices},
+        {
+            "drop_bits": drop_bits,
+            "minimum_ratio": minimum_ratio,
+            "coarsest_vertices": coarsest_vertices,
+            "filter": filter_kind,
+            "degree": degree,
+            "basis": basis,
+            "norm": norm,
+            "variable_from": variable_from,
+            "sent_levels": diff_levels,
+        },
     )
     with progress_bar("encode") as progress:
         progress("read", 0.0)
@@ -118,7 +135,7 @@ def decode(
         raise OptionError(f"the stream has levels 0..{coarsest}, not {level}")
     with progress_bar("decode") as progress:
         decoder = Decoder(header)
-        wanted = packets[: header.entry(level).packet_count]
+        wanted = packets[: header.packet_count(level)]
         for done, packet in enumerate(wanted):
             progress("packets", done / len(wanted))
             decoder.push(packet)
@@ -154,10 +171,13 @@ def info(
 
     Example: meshtide info bunny.tide --json
     """
+    from meshtide_codec.errors import OptionError
     from meshtide_codec.stream.container import read_available
 
     header, packets, problem = read_available(stream.read_bytes())
     report = _report(header) | {"packets_present": len(packets), "problem": None if problem is None else str(problem)}
+    if statistics and header.profile != "classic":
+        raise OptionError("--statistics reads the Diffs of profile classic; those of other profiles are bit planes")
     if statistics:
         report["differences"] = _difference_statistics(header, packets)
     if as_json:
@@ -200,15 +220,6 @@ def sphere(as_json: JsonOption = False) -> None:
     wide_console().print(table)
 
 
-def _levels(text: str) -> frozenset[int]:
-    from meshtide_codec.errors import OptionError
-
-    try:
-        return frozenset(int(part) for part in text.split(",") if part.strip())
-    except ValueError as error:
-        raise OptionError(f"levels are written like 0,2,3, not {text!r}") from error
-
-
 def _figure(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
@@ -242,7 +253,7 @@ def _print_report(report: Mapping[str, Any]) -> None:
     from meshtide_codec.command_line import wide_console
 
     kinds = list(report["bytes_by_kind"])
-    title = f"profile {report['profile']}, B = {report['bits']}, predictor {_predictor(report)}"
+    title = f"profile {report['profile']}, B = {report['bits']}{_predictor(report)}"
     table = Table(title=title, box=box.SIMPLE)
     for column in ("level", "vertices", "faces", *kinds, "bytes so far", "rms", "maximum"):
         table.add_column(column, justify="right")
@@ -287,5 +298,8 @@ def _print_difference_statistics(rows: Sequence[Mapping[str, Any]]) -> None:
 
 def _predictor(report: Mapping[str, Any]) -> str:
     spec = dict(report["options"].get("filter", {}))
-    kind = spec.pop("kind", "none")
-    return f"{kind} ({', '.join(f'{name} {value}' for name, value in spec.items())})" if spec else str(kind)
+    if not spec:
+        return ""
+    kind = spec.pop("kind")
+    fields = ", ".join(f"{name} {value}" for name, value in spec.items())
+    return f", predictor {kind} ({fields})" if fields else f", predictor {kind}"

@@ -26,13 +26,20 @@ def kernel(function: Function) -> Function:
     No fastmath (its results differ between machines), no bounds checks (kernels check untrusted input
     themselves), C-like division, cached on disk.
     """
-    return cast("Function", numba.njit(cache=True, error_model="numpy", fastmath=False)(function))
+    return _compiled(function)
 
 
 def inlined_kernel(function: Function) -> Function:
     """Like `kernel`, for the few lines in innermost loops that are worth copying into each caller."""
-    options: Any = {"cache": True, "error_model": "numpy", "fastmath": False, "inline": "always"}
-    return cast("Function", numba.njit(**options)(function))
+    return _compiled(function, inline="always")
+
+
+def _compiled(function: Function, **options: Any) -> Function:  # noqa: ANN401 - numba's options
+    options |= {"error_model": "numpy", "fastmath": False}
+    try:
+        return cast("Function", numba.njit(cache=True, **options)(function))
+    except RuntimeError:  # no folder can be written, so there can be no cache; each process compiles for itself
+        return cast("Function", numba.njit(**options)(function))
 
 
 @contextmanager

@@ -17,6 +17,8 @@ import numpy as np
 
 from meshtide_codec.classic import options as classic_options
 from meshtide_codec.classic.decoder import ClassicDecoder
+from meshtide_codec.compact import options as compact_options
+from meshtide_codec.compact.decoder import CompactDecoder
 from meshtide_codec.errors import ContainerError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
@@ -52,10 +54,14 @@ class Decoder:
         limits = limits or Limits()
         for row in header.levels:
             limits.check_mesh(row.vertices, row.faces, level=row.level)
-        if header.profile != classic_options.PROFILE:
-            raise ContainerError(f"unknown profile {header.profile!r}; a newer meshtide may read it")
         self.header = header
-        self._decoder = ClassicDecoder(header)
+        self._decoder: ClassicDecoder | CompactDecoder
+        if header.profile == classic_options.PROFILE:
+            self._decoder = ClassicDecoder(header)
+        elif header.profile == compact_options.PROFILE:
+            self._decoder = CompactDecoder(header, limits)
+        else:
+            raise ContainerError(f"unknown profile {header.profile!r}; a newer meshtide may read it")
 
     def push(self, packet: Packet) -> list[LevelUpdate]:
         """Take one packet; returns the levels that became available or better by it, coarse to fine.
@@ -71,10 +77,19 @@ class Decoder:
         """Number of the finest level that can be shown now, or None."""
         return self._decoder.finest
 
+    @property
+    def best(self) -> int | None:
+        """Number of the level or preview that shows the mesh best now, by the distances in the header; or None.
+
+        A preview may lie nearer to the surface than the first levels of the hierarchy, which are finer.
+        """
+        distances = {row.level: row.rms for row in self.header.levels}
+        exact = [level for level in distances if self._decoder.is_exact(level)]
+        return min(exact, key=lambda level: (distances[level], level), default=self._decoder.finest)
+
     def is_available(self, level: int) -> bool:
         """Whether the level can be shown now."""
-        finest = self._decoder.finest
-        return finest is not None and finest <= level <= self.header.levels[0].level
+        return self._decoder.is_available(level)
 
     def is_exact(self, level: int) -> bool:
         """Whether the level is there, and as the encoder made it."""
@@ -109,6 +124,6 @@ def decode(data: bytes | memoryview, level: int = 0, limits: Limits | None = Non
     decoder = Decoder(header, limits)
     if not 0 <= level <= header.levels[0].level:
         raise KeyError(f"the stream has levels 0..{header.levels[0].level}, not {level}")
-    for packet in packets[: header.entry(level).packet_count]:
+    for packet in packets[: header.packet_count(level)]:
         decoder.push(packet)
     return decoder.mesh(level)

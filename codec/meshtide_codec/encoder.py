@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from meshtide_codec.classic.encoder import ClassicEncoding
-from meshtide_codec.classic.options import PROFILE, ClassicOptions
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.encoder import CompactEncoding
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.quantize import QuantizedMesh, quantize
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table, stored_distance
@@ -17,10 +19,12 @@ from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table,
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
     from meshtide_codec.mesh import Mesh
+    from meshtide_codec.shown_state import ShownState
     from meshtide_codec.stream.packets import Packet
+
+Options = CompactOptions | ClassicOptions
+Encoding = CompactEncoding | ClassicEncoding
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class EncodedMesh:
 
 def encode(
     mesh: Mesh,
-    options: ClassicOptions | None = None,
+    options: Options | None = None,
     *,
     progress: Callable[[str, float], None] | None = None,
 ) -> EncodedMesh:
@@ -54,7 +58,7 @@ def encode(
 
     Args:
         mesh: any triangle mesh.
-        options: profile and its options; the classic profile's defaults when left out.
+        options: `CompactOptions` or `ClassicOptions`; the compact profile's defaults when left out.
         progress: is called with the name of a stage and the fraction of it that is done.
 
     Raises:
@@ -63,38 +67,37 @@ def encode(
     >>> from meshtide_codec.mesh import Mesh
     >>> triangle = Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     >>> encoded = encode(triangle)
-    >>> encoded.header.vertices, encoded.header.faces, len(encoded.packets)
-    (3, 1, 1)
+    >>> encoded.header.vertices, encoded.header.faces
+    (3, 1)
     """
-    options = options or ClassicOptions()
+    options = options or CompactOptions()
     if progress is not None:
         progress("quantize", 0.0)
     quantized = quantize(mesh, options.bits)
-    encoding = ClassicEncoding(quantized, options, progress)
-    return describe(encoding, quantized)
+    encoding: Encoding
+    if isinstance(options, ClassicOptions):
+        encoding = ClassicEncoding(quantized, options, progress)
+    else:
+        encoding = CompactEncoding(quantized, options, progress)
+    return describe(encoding, quantized, progress)
 
 
-def describe(encoding: ClassicEncoding, quantized: QuantizedMesh) -> EncodedMesh:
-    """The stream of an encoding: its packets and the header that announces them."""
+def describe(
+    encoding: Encoding, quantized: QuantizedMesh, progress: Callable[[str, float], None] | None = None
+) -> EncodedMesh:
+    """The stream of an encoding: its packets and the header that announces them, all distances measured."""
     table, packet_bytes = packet_table(encoding.packets)
-    diagonal = grid_diagonal(quantized.positions)
+    meter = DistortionMeter(quantized.positions.astype(np.float64), quantized.faces)
     levels = []
-    for number in range(len(encoding.levels) - 1, -1, -1):
-        level = encoding.levels[number]
-        distances = encoding.distances(number) / diagonal
-        rms = math.sqrt(float((distances * distances).mean()))
-        levels.append(
-            LevelEntry(
-                level=number,
-                packet_count=encoding.packet_counts[number],
-                vertices=len(level.cells),
-                faces=len(level.faces),
-                rms=stored_distance(rms),
-                maximum=stored_distance(float(distances.max())),
-            )
-        )
+    for done, state in enumerate(encoding.states):
+        if progress is not None:
+            progress("distances", done / len(encoding.states))
+        rms, maximum = _distance(meter, quantized, state)
+        levels.append(LevelEntry(state.level, state.packet_count, state.vertices, len(state.faces), rms, maximum))
+    if progress is not None:
+        progress("distances", 1.0)
     header = StreamHeader(
-        profile=PROFILE,
+        profile=encoding.profile,
         options=encoding.header.to_options(),
         bits=quantized.bits,
         origin=(float(quantized.origin[0]), float(quantized.origin[1]), float(quantized.origin[2])),
@@ -105,7 +108,10 @@ def describe(encoding: ClassicEncoding, quantized: QuantizedMesh) -> EncodedMesh
     return EncodedMesh(header, encoding.packets, packet_bytes, quantized)
 
 
-def grid_diagonal(positions: NDArray[np.int32]) -> float:
-    """The bounding box's diagonal in finest steps; 1 for a single point, whose distances are all zero."""
-    sides = (positions.max(axis=0) - positions.min(axis=0)).astype(np.float64)
-    return math.sqrt(float((sides * sides).sum())) or 1.0
+def _distance(meter: DistortionMeter, quantized: QuantizedMesh, state: ShownState) -> tuple[float, float]:
+    """RMS and maximum as the header stores them: zero for the mesh itself, never zero for anything else."""
+    drawn = state.draw()
+    if state.level == 0 and np.array_equal(drawn, quantized.positions):
+        return 0.0, 0.0
+    measured = meter.measure(drawn, state.faces)
+    return stored_distance(measured.rms), stored_distance(measured.maximum)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from meshtide_codec.stream.header import StreamHeader
 
 
@@ -41,7 +43,7 @@ def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
     by_level = bytes_by_level(header)
     return {
         "profile": header.profile,
-        "options": dict(header.options),
+        "options": _printable(header.options),
         "bits": header.bits,
         "origin": list(header.origin),
         "extent": header.extent,
@@ -67,3 +69,8 @@ def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
             for row in header.levels
         ],
     }
+
+
+def _printable(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as JSON can hold them: bytes become lists of numbers."""
+    return {name: list(value) if isinstance(value, bytes) else value for name, value in options.items()}

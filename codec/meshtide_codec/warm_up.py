@@ -10,6 +10,7 @@ import sys
 import numpy as np
 
 from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.filters import FilterSpec
@@ -25,19 +26,23 @@ _FILTERS = (
 
 
 def warm_up() -> int:
-    """Encode and decode a small mesh with every kind of filter; returns how many streams were checked.
+    """Encode and decode a small mesh in both profiles; returns how many streams were checked.
 
     Raises:
         RuntimeError: a stream did not decode to what was encoded, so this installation is broken.
     """
-    mesh = _bent_grid(24)
-    for spec in _FILTERS:
-        encoded = encode(mesh, ClassicOptions(filter=spec, coarsest_vertices=20))
+    mesh = _bent_grid(60)
+    variants = [
+        CompactOptions(bits=10, slices=2),
+        *(ClassicOptions(filter=spec, coarsest_vertices=20) for spec in _FILTERS),
+    ]
+    for options in variants:
+        encoded = encode(mesh, options)
         decoded = decode(encoded.to_bytes())
         expected = encoded.quantized.mesh()
         if not (np.array_equal(decoded.vertices, expected.vertices) and np.array_equal(decoded.faces, expected.faces)):
-            raise RuntimeError(f"a stream with filter {spec} does not decode to what was encoded")
-    return len(_FILTERS)
+            raise RuntimeError(f"a stream with {options} does not decode to what was encoded")
+    return len(variants)
 
 
 def _bent_grid(side: int) -> Mesh:

@@ -35,7 +35,7 @@ def mesh_file(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def stream_file(mesh_file: Path) -> Path:
-    result = meshtide("encode", mesh_file, "--bits", 8, "--coarsest-vertices", 12)
+    result = meshtide("encode", mesh_file, "--profile", "classic", "--bits", 8, "--coarsest-vertices", 12)
     assert result.exit_code == 0, result.output
     return mesh_file.with_suffix(".tide")
 
@@ -77,7 +77,7 @@ def test_encode_reports_what_it_left_out(tmp_path: Path) -> None:
 )
 def test_every_option_of_the_codec_can_be_chosen(mesh_file: Path, options: list[str]) -> None:
     target = mesh_file.with_name("chosen.tide")
-    result = meshtide("encode", mesh_file, "-o", target, "--bits", 8, "--coarsest-vertices", 12, *options)
+    result = meshtide("encode", mesh_file, "-o", target, "--profile", "classic", "--coarsest-vertices", 12, *options)
     assert result.exit_code == 0, result.output
     answer = json.loads(meshtide("decode", target, "--json").stdout)
     assert answer["vertices"] == 256
@@ -85,13 +85,35 @@ def test_every_option_of_the_codec_can_be_chosen(mesh_file: Path, options: list[
 
 @pytest.mark.parametrize(
     "options",
-    [["--bits", "3"], ["--filter", "magic"], ["--diff-levels", "a"], ["--norm", "3"], ["-S", "0"]],
+    [
+        ["--bits", "3"],
+        ["--profile", "magic"],
+        ["--slices", "0"],
+        ["--previews", "a"],
+        ["--degree", "3"],
+        ["--profile", "classic", "--slices", "2"],
+        ["--profile", "classic", "--filter", "magic"],
+        ["--profile", "classic", "--diff-levels", "a"],
+        ["--profile", "classic", "--norm", "3"],
+        ["--profile", "classic", "-S", "0"],
+    ],
     ids=" ".join,
 )
 def test_options_out_of_range_write_nothing(mesh_file: Path, options: list[str]) -> None:
     result = meshtide("encode", mesh_file, *options)
     assert isinstance(result.exception, OptionError)
     assert not mesh_file.with_suffix(".tide").exists()
+
+
+@pytest.mark.parametrize("options", [[], ["--previews", "none"], ["--slices", "3"], ["-B", "9"]], ids=" ".join)
+def test_the_compact_profile_is_the_default(mesh_file: Path, options: list[str]) -> None:
+    answer = json.loads(meshtide("encode", mesh_file, "--json", *options).stdout)
+    assert answer["profile"] == "compact"
+    decoded = json.loads(meshtide("decode", answer["output"], "--json").stdout)
+    assert decoded["vertices"] == 256
+    assert decoded["exact"] is True
+    assert "profile compact" in meshtide("info", answer["output"]).stdout
+    assert isinstance(meshtide("info", answer["output"], "--statistics").exception, OptionError)
 
 
 def test_info_tells_bytes_by_level_and_kind(stream_file: Path) -> None:

@@ -1,11 +1,10 @@
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.encoder import encode, grid_diagonal
+from meshtide_codec.encoder import encode
 from meshtide_codec.errors import OptionError
 from meshtide_codec.stream.container import read_container
 from meshtide_codec.stream.packets import PacketKind
@@ -31,11 +30,12 @@ def test_the_file_holds_the_packets() -> None:
     assert list(packets) == list(encoded.packets)
 
 
-def test_progress_goes_from_nothing_to_all() -> None:
+@pytest.mark.parametrize("options", [None, ClassicOptions()])
+def test_progress_goes_from_nothing_to_all(options: ClassicOptions | None) -> None:
     stages: list[tuple[str, float]] = []
-    encode(grid(16), progress=lambda stage, fraction: stages.append((stage, fraction)))
+    encode(grid(16), options, progress=lambda stage, fraction: stages.append((stage, fraction)))
     assert stages[0] == ("quantize", 0.0)
-    assert stages[-1] == ("levels", 1.0)
+    assert stages[-1] == ("distances", 1.0)
     levels = [fraction for stage, fraction in stages if stage == "levels"]
     assert levels == sorted(levels)
 
@@ -49,8 +49,3 @@ def test_parameters_of_a_filter_take_four_bytes_each() -> None:
 def test_levels_that_there_are_not() -> None:
     with pytest.raises(OptionError, match="predicted levels"):
         encode(grid(5), ClassicOptions(sent_levels=frozenset({9})))
-
-
-def test_the_diagonal_of_a_point_is_one() -> None:
-    assert grid_diagonal(np.array([[5, 5, 5]], np.int32)) == 1.0
-    assert grid_diagonal(np.array([[0, 0, 0], [2, 3, 6]], np.int32)) == 7.0

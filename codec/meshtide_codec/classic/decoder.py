@@ -79,6 +79,10 @@ class ClassicDecoder:
         available = self._available()
         return available[-1] if available else None
 
+    def is_available(self, number: int) -> bool:
+        """Whether the level can be shown."""
+        return number in self._available()
+
     def is_exact(self, number: int) -> bool:
         """Whether the level is as the encoder made it: every Diff that was sent down to it is there."""
         return number in self._available() and all(

@@ -19,10 +19,11 @@ from meshtide_codec.classic.hierarchy import (
     within_cube,
 )
 from meshtide_codec.classic.level_coding import encode_base, encode_diff, encode_map_conn, encode_param
-from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
+from meshtide_codec.classic.options import PROFILE, ClassicHeader, ClassicOptions
 from meshtide_codec.filters import coefficient_count, predict
 from meshtide_codec.fit import fit
 from meshtide_codec.graph import build_adjacency
+from meshtide_codec.shown_state import ShownState
 from meshtide_codec.stream.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
@@ -47,8 +48,10 @@ class ClassicEncoding:
         packets: in transmission order.
         geometry: per level, (n, 3) float64 in finest steps: what a decoder shows.
         differences: per level that sends a Diff, (n, 3) int64 in steps of that level.
-        packet_counts: per level, how many packets a decoder needs to show it as encoded.
+        states: what can be shown after how many packets, in transmission order.
     """
+
+    profile = PROFILE
 
     def __init__(
         self,
@@ -75,7 +78,7 @@ class ClassicEncoding:
         self.packets: list[Packet] = []
         self.geometry: dict[int, NDArray[np.float64]] = {}
         self.differences: dict[int, NDArray[np.int64]] = {}
-        self.packet_counts: dict[int, int] = {}
+        self.states: list[ShownState] = []
         self._encode_coarsest()
         for number in range(len(self.levels) - 2, -1, -1):
             self._encode_level(number)
@@ -114,14 +117,5 @@ class ClassicEncoding:
 
     def _finish_level(self, number: int, geometry: NDArray[np.float64]) -> None:
         self.geometry[number] = geometry
-        self.packet_counts[number] = len(self.packets)
-
-    def distances(self, number: int) -> NDArray[np.float64]:
-        """(n,) per finest vertex: how far it is, in finest steps, from the vertex of level `number` it collapses to."""
-        ancestors = np.arange(len(self.levels[0].cells), dtype=np.int32)
-        for level in self.levels[:number]:
-            assert level.parents is not None  # noqa: S101 - only the coarsest level has no map
-            ancestors = level.parents[ancestors]
-        offsets = self.geometry[number][ancestors] - self.levels[0].cells
-        distances: NDArray[np.float64] = np.sqrt((offsets * offsets).sum(axis=1))
-        return distances
+        faces = self.levels[number].faces
+        self.states.append(ShownState(number, len(self.packets), len(geometry), faces, lambda: geometry))

@@ -145,6 +145,20 @@ class StreamHeader:
                 return row
         raise KeyError(level)
 
+    def packet_count(self, level: int) -> int:
+        """How many packets, from the first, a level needs; one without a state of its own needs the next finer's.
+
+        Raises:
+            KeyError: the stream has no level so fine.
+        """
+        for row in self.levels:
+            if row.level == level:
+                return self.entry(level).packet_count
+        for row in self.levels:
+            if row.level < level:
+                return row.packet_count
+        raise KeyError(level)
+
     def to_bytes(self) -> bytes:
         """The header as it is sent and stored."""
         return plain_values.pack(
@@ -280,7 +294,7 @@ def stored_distance(distance: float) -> float:
     """The least distance not below `distance` that a header can hold: a float32 whose lower 16 bits are zero.
 
     >>> stored_distance(0.1), stored_distance(0.0)
-    (0.1005859375, 0.0)
+    (0.10009765625, 0.0)
     """
     single = struct.unpack("<I", struct.pack("<f", distance))[0]
     rounded = single >> 16 << 16

@@ -1,0 +1,63 @@
+"""From the options of `meshtide encode` to those of a profile; an option of the other profile is refused."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.errors import OptionError
+from meshtide_codec.filters import FilterSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+PROFILES = ("compact", "classic")
+FILTER_FIELDS = {"filter": "kind", "degree": "degree", "basis": "basis", "norm": "norm"}
+
+
+def profile_options(
+    profile: str, bits: int, compact: Mapping[str, Any], classic: Mapping[str, Any]
+) -> CompactOptions | ClassicOptions:
+    """The options of `profile`.
+
+    Args:
+        profile: "compact" or "classic".
+        bits: B.
+        compact: options of the compact profile by name; None where the person said nothing.
+        classic: the same of the classic profile.
+
+    Raises:
+        OptionError: an unknown profile, an option of the other profile, or a value out of range.
+
+    >>> profile_options("compact", 10, {"slices": 4}, {"degree": None}).slices
+    4
+    """
+    if profile not in PROFILES:
+        raise OptionError(f"profile {profile!r} is not one of {', '.join(PROFILES)}")
+    chosen, other = (compact, classic) if profile == "compact" else (classic, compact)
+    foreign = [name for name, value in other.items() if value is not None]
+    if foreign:
+        wanted = PROFILES[1 - PROFILES.index(profile)]
+        raise OptionError(f"{', '.join(foreign)}: not of profile {profile}; add --profile {wanted}")
+    given = {name: value for name, value in chosen.items() if value is not None}
+    if profile == "compact":
+        if "previews" in given:
+            given["previews"] = () if given["previews"] == "none" else number_list(given["previews"])
+        return CompactOptions(bits=bits, **given)
+    spec = {field: given.pop(name) for name, field in FILTER_FIELDS.items() if name in given}
+    if "sent_levels" in given:
+        given["sent_levels"] = frozenset(number_list(given["sent_levels"]))
+    return ClassicOptions(bits=bits, filter=FilterSpec(**spec), **given)
+
+
+def number_list(text: str) -> tuple[int, ...]:
+    """Numbers written like 0,2,3.
+
+    Raises:
+        OptionError: anything else.
+    """
+    try:
+        return tuple(int(part) for part in text.split(",") if part.strip())
+    except ValueError as error:
+        raise OptionError(f"a list of numbers is written like 0,2,3, not {text!r}") from error
