@@ -147,7 +147,6 @@ def report(title: str, meshes: dict[str, Mesh], map_models: Models, diff_models:
         scale = 8.0 / len(octree.positions)
         size = f"{len(octree.positions):6} vertices"
         print(f"  {name:28} {size}  map {maps * scale:6.3f}  diff {diffs * scale:6.3f}  bits per vertex")
-        )
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 import pytest
 
-from meshtide_codec.compact import diff_kernels, map_kernels
+from meshtide_codec.compact import diff_kernels, map_layout
 from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
 from meshtide_codec.compact.map_coder import encode_map
 from meshtide_codec.compact.mirror import Mirror
@@ -43,9 +43,9 @@ def size(packets: list[bytes]) -> int:
 @pytest.mark.parametrize(
     ("models", "contexts", "neurons"),
     [
-        (new_map_models(), map_kernels.CONTEXTS, map_kernels.NEURONS),
+        (new_map_models(), map_layout.CONTEXTS, map_layout.NEURONS),
         (new_diff_models(), diff_kernels.CONTEXTS, diff_kernels.NEURONS),
-        (untrained_map_models(), map_kernels.CONTEXTS, map_kernels.NEURONS),
+        (untrained_map_models(), map_layout.CONTEXTS, map_layout.NEURONS),
         (untrained_diff_models(), diff_kernels.CONTEXTS, diff_kernels.NEURONS),
     ],
 )
@@ -54,7 +54,7 @@ def test_states_fit_the_coders(models: Models, contexts: int, neurons: int) -> N
     assert models.contexts.shape == (contexts,)
     assert models.weights.shape == (neurons * INPUTS,)
     assert (np.abs(models.weights) <= WEIGHT_LIMIT).all()
-    assert ((models.contexts & 255) <= min(map_kernels.LIMIT, diff_kernels.LIMIT)).all()
+    assert ((models.contexts & 255) <= min(map_layout.LIMIT, diff_kernels.LIMIT)).all()
     assert (models.contexts >= 0).all()
     assert ((models.contexts >> 8) < 65536).all()
 

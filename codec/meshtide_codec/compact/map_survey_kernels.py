@@ -202,3 +202,39 @@ def orient_frame(survey: Scratch, offsets: Scratch, heights: Scratch) -> None:
         middle = 3 * second // (first + 1)  # 0..2
         smallest = min(3 * third // (first + 1), middle)
         survey[NORMAL_CLASS] = ((middle * (middle + 1)) >> 1) + smallest
+
+
+@inlined_kernel
+def canonical_octant(rank: int, survey: Scratch) -> int:
+    """The octant at place `rank` of the canonical order."""
+    octant = 0
+    if rank & 4:
+        octant |= 4 >> survey[AXES]
+    if rank & 2:
+        octant |= 4 >> survey[AXES + 1]
+    if rank & 1:
+        octant |= 4 >> survey[AXES + 2]
+    return octant ^ int(survey[FLIP])
+
+
+@inlined_kernel
+def leaf_ratio_class(survey: Scratch) -> int:
+    """Quarters of the neighbours that are leaves, 5 when there are no neighbours."""
+    if survey[NEIGHBOURS] == 0:
+        return 5
+    return 4 * int(survey[LEAF_NEIGHBOURS]) // int(survey[NEIGHBOURS])
+
+
+@inlined_kernel
+def quarter_logarithm(total: int, count: int) -> int:
+    """floor(4 log2(total / count)), 0 to 15."""
+    if count == 0:
+        return 0
+    value = total / count
+    value *= value
+    value *= value
+    logarithm = 0
+    while value >= 2.0 and logarithm < 15:
+        value *= 0.5
+        logarithm += 1
+    return logarithm

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.compact import diff_kernels, map_kernels
+from meshtide_codec.compact import diff_kernels, map_layout
 from meshtide_codec.entropy.mixing_kernels import new_weights
 from meshtide_codec.entropy.model_kernels import new_contexts
 
@@ -57,7 +57,7 @@ def new_diff_models() -> Models:
 
 def untrained_map_models() -> Models:
     """Even chances and equal weights for the Map coder: where training begins."""
-    return Models(new_contexts(map_kernels.CONTEXTS), new_weights(map_kernels.NEURONS, UNTRAINED_TRUST))
+    return Models(new_contexts(map_layout.CONTEXTS), new_weights(map_layout.NEURONS, UNTRAINED_TRUST))
 
 
 def untrained_diff_models() -> Models:
