@@ -32,6 +32,9 @@ def serve(
     bits: Annotated[
         int | None, typer.Option("-B", "--bits", help="Bits per coordinate for meshes encoded here.", show_default="12")
     ] = None,
+    profile: Annotated[
+        str | None, typer.Option(help="How meshes are encoded here: compact or classic.", show_default="compact")
+    ] = None,
     allow_origin: Annotated[
         list[str] | None, typer.Option(help="Web origin whose pages may read the meshes; * for all. May be repeated.")
     ] = None,
@@ -70,6 +73,7 @@ def serve(
         "port": port,
         "cache": cache,
         "bits": bits,
+        "profile": profile,
         "allowed_origins": tuple(allow_origin) if allow_origin else None,
         "hello_timeout": hello_timeout,
         "stall_timeout": stall_timeout,

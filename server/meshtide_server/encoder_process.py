@@ -59,6 +59,7 @@ class Job:
             "sample": self.sample,
             "digest": self.digest,
             "bits": self.options.bits,
+            "profile": self.options.profile,
             "targets": [str(target) for target in self.targets],
         }
         return json.dumps(fields).encode() + b"\n"

@@ -77,14 +77,15 @@ def _work(job: dict[str, Any], reporter: Reporter) -> None:
 
 def _encode(job: dict[str, Any], reporter: Reporter) -> bytes:
     reporter.progress("load the encoder", 0.0)
-    from meshtide_codec.classic.options import ClassicOptions  # noqa: PLC0415 - heavy, only of use in this process
+    from meshtide_codec.command_options import profile_options  # noqa: PLC0415 - heavy, only of use in this process
     from meshtide_codec.compilation import announced_compilation  # noqa: PLC0415 - the same
     from meshtide_codec.encoder import encode  # noqa: PLC0415 - the same
 
     reporter.progress("read the mesh", 0.0)
     mesh = _load(job)
     with announced_compilation(lambda: reporter.progress("compile kernels, first run only", 0.0)):
-        return encode(mesh, ClassicOptions(bits=job["bits"]), progress=reporter.progress).to_bytes()
+        options = profile_options(job["profile"], job["bits"], {}, {})
+        return encode(mesh, options, progress=reporter.progress).to_bytes()
 
 
 def _load(job: dict[str, Any]) -> Mesh:

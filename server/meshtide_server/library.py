@@ -56,7 +56,7 @@ class Library:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._options = EncodingOptions(bits=settings.bits)
+        self._options = EncodingOptions(bits=settings.bits, profile=settings.profile)
         self._meshes: dict[str, HostedMesh] = {}
         self._to_check: asyncio.Queue[HostedMesh] = asyncio.Queue()
         self._to_encode: asyncio.Queue[tuple[HostedMesh, CachePlace, str]] = asyncio.Queue()

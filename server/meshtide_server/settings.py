@@ -14,6 +14,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 
+Profile = Literal["compact", "classic"]
 LogLevel = Literal["debug", "info", "warning", "error"]
 
 
@@ -37,6 +38,9 @@ class Settings(BaseSettings):
     )
     bits: int = Field(
         default=DEFAULT_B, ge=SMALLEST_B, le=LARGEST_B, description="Bits per coordinate for meshes encoded here."
+    )
+    profile: Profile = Field(
+        default="compact", description="How meshes are encoded here: compact, or classic, the paper's codec."
     )
     rescan_seconds: float = Field(
         default=5.0, ge=0.0, description="How often the folder is looked at again for new and changed files; 0: never."

@@ -42,9 +42,11 @@ class EncodingOptions:
 
     Args:
         bits: B, quantization bits per coordinate.
+        profile: "compact" or "classic".
     """
 
     bits: int
+    profile: str = "compact"
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,9 +136,9 @@ def name_prefix(name: str, options: EncodingOptions) -> str:
     """How the names of the streams of the mesh file `name`, encoded with `options`, begin; no other names do.
 
     >>> name_prefix("Bunny (1).obj", EncodingOptions(bits=12))
-    'bunny-1-obj-58f290dc-b12'
+    'bunny-1-obj-58f290dc-compact-b12'
     """
-    return f"{slug(name, 60)}-{_short_digest(name)}-b{options.bits}"
+    return f"{slug(name, 60)}-{_short_digest(name)}-{options.profile}-b{options.bits}"
 
 
 def _short_digest(name: str) -> str:
