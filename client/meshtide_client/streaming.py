@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from contextlib import aclosing, closing
@@ -152,6 +153,7 @@ class Reception:
         )
         self._decoder: Decoder | None = None
         self._decoded = 0
+        self._nearest = math.inf
         self._wanted = 0
         self._started = time.monotonic()
         self.more = True
@@ -191,6 +193,7 @@ class Reception:
         elif self._decoder is None or not event.resumed:
             self._decoder = Decoder(event.header, self._limits)
             self._decoded = 0
+            self._nearest = math.inf
             self._wanted = self._until.packet_count(event.header, len(event.header_bytes))
             packets = list(self._holding.stored_packets())[: self._wanted]
         header = self._holding.header
@@ -200,12 +203,20 @@ class Reception:
         return packets
 
     def _decode(self, packet: Packet) -> list[ReceivedLevel]:
-        """The levels that `packet`, the next one, completes."""
+        """The levels that `packet`, the next one, completes, if they show the mesh better than those before.
+
+        A preview may lie nearer to the surface than the first levels of the hierarchy that follow it. The finest
+        level, and one that was asked for by its number, always count.
+        """
         assert self._decoder is not None  # noqa: S101 - the header comes first
         decoder = self._decoder
         decoder.push(packet)
         self._decoded += 1
-        completed = [row for row in decoder.header.levels if row.packet_count == self._decoded]
+        completed = []
+        for row in decoder.header.levels:
+            if row.packet_count == self._decoded and (row.rms < self._nearest or row.level in {0, self._until.level}):
+                completed.append(row)
+                self._nearest = min(self._nearest, row.rms)
         return [
             ReceivedLevel(
                 level=row.level,

@@ -85,6 +85,10 @@ def test_packets_before_the_damage_stay_usable() -> None:
     _, packets, problem = read_available(damaged)
     assert list(packets) == STREAM.packets[:2]
     assert isinstance(problem, PacketError)
+    reader = ContainerReader()
+    with pytest.raises(PacketError):
+        reader.feed(damaged)
+    assert reader.consumed == STARTS[2]
     assert "checksum" in str(problem)
 
 

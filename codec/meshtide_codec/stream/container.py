@@ -86,6 +86,7 @@ class ContainerReader:
     def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits or Limits()
         self._pending = bytearray()
+        self._start = 0
         self._error: Exception | None = None
         self.header: StreamHeader | None = None
         self.header_bytes = b""
@@ -133,25 +134,30 @@ class ContainerReader:
             )
 
     def _read(self) -> None:
-        start = 0
         if self.header is None:
-            start = self._read_header()
+            self._take(self._read_header())
             if self.header is None:
                 return
         while not self.complete:
-            length = self.header.packets[len(self.packets)].length
-            if len(self._pending) - start < length:
+            index = len(self.packets)
+            length = self.header.packets[index].length
+            if len(self._pending) < self._start + length:
                 break
-            with memoryview(self._pending) as view, view[start : start + length] as part:
-                packet = check_packet(self.header, len(self.packets), part)
+            with memoryview(self._pending) as view, view[self._start : self._start + length] as part:
+                packet = check_packet(self.header, index, part)
             self.packets.append(packet)
-            start += length
-        del self._pending[:start]
-        self.consumed += start
+            self._take(length)
+        del self._pending[: self._start]
+        self._start = 0
         if self.complete and self._pending:
             raise ContainerError(
                 f"{len(self._pending)} bytes follow the last packet; the file is damaged", offset=self.consumed
             )
+
+    def _take(self, length: int) -> None:
+        """Count bytes of a whole part; they are dropped from what is pending at the end of a piece."""
+        self._start += length
+        self.consumed += length
 
     def _read_header(self) -> int:
         """Read preamble and header if they are there; returns how many pending bytes they took."""
