@@ -73,22 +73,8 @@ def choose_strength(octree: Octree, depth: int) -> int:
 def _surface_at(octree: Octree, firsts: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean position and unit mean normal of the finest vertices of each group that begins at `firsts`."""
     positions = octree.positions.astype(np.float64)
-    normals = _vertex_normals(positions, octree.levels[-1].faces)
     counts = np.diff(np.r_[firsts, len(positions)])[:, None]
     points = np.add.reduceat(positions, firsts, axis=0) / counts
-    sums = np.add.reduceat(normals, firsts, axis=0)
+    sums = np.add.reduceat(octree.normals, firsts, axis=0)
     lengths = np.sqrt(np.square(sums).sum(axis=1, keepdims=True))
     return points, sums / np.where(lengths > 0.0, lengths, 1.0)
-
-
-def _vertex_normals(positions: NDArray[np.float64], faces: NDArray[np.int32] | None) -> NDArray[np.float64]:
-    """Area-weighted normals of the vertices; zero where there are no faces."""
-    normals = np.zeros_like(positions)
-    if faces is None or len(faces) == 0:
-        return normals
-    corners = positions[faces]
-    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    for axis in range(3):
-        weights = np.repeat(crossed[:, axis], 3)
-        normals[:, axis] = np.bincount(faces.ravel(), weights=weights, minlength=len(positions))
-    return normals

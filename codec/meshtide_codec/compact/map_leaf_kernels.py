@@ -14,7 +14,6 @@ from meshtide_codec.connectivity.borrowing import borrowing_kernel
 from meshtide_codec.entropy.mixing_kernels import code_mixed_bit
 
 if TYPE_CHECKING:
-
     from meshtide_codec.compact.map_survey_kernels import Scratch
     from meshtide_codec.entropy.mixing_kernels import Opinions, Weights
     from meshtide_codec.entropy.model_kernels import Contexts

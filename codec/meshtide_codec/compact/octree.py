@@ -9,6 +9,7 @@ O((n + m log m) depths until all cells are leaves).
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +40,11 @@ class Octree:
     positions: NDArray[np.int32]
     levels: list[Level]
     first_vertices: list[NDArray[np.int64]]
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """(n, 3) area-weighted normals of the finest vertices; zero where there are no faces."""
+        return _vertex_normals(self.positions.astype(np.float64), self.levels[-1].faces)
 
 
 def build_octree(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -> Octree:
@@ -126,3 +132,16 @@ def _attach_faces(levels: list[Level], faces: NDArray[np.int32]) -> None:
     for depth in range(1, len(levels)):
         if levels[depth - 1].all_leaves:
             levels[depth] = levels[depth - 1].deepened()
+
+
+def _vertex_normals(positions: NDArray[np.float64], faces: NDArray[np.int32] | None) -> NDArray[np.float64]:
+    """Area-weighted normals of the vertices; zero where there are no faces."""
+    normals = np.zeros_like(positions)
+    if faces is None or len(faces) == 0:
+        return normals
+    corners = positions[faces]
+    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    for axis in range(3):
+        weights = np.repeat(crossed[:, axis], 3)
+        normals[:, axis] = np.bincount(faces.ravel(), weights=weights, minlength=len(positions))
+    return normals
