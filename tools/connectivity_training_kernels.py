@@ -113,7 +113,7 @@ def _record_gate(
     found = False
     for wanted in (UNBLOCKED, BLOCKED_ONLY):
         count, _, _ = gather_apexes(candidates, level.coarse, fine, first, second, known_apex, number, wanted)
-        best, total = score_candidates(
+        _, total = score_candidates(
             models.scores, level.geometric, candidates, count, vertices, first, second, known_apex
         )
         if may_wait and total > DOUBTFUL and wanted == UNBLOCKED:

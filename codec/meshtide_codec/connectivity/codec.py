@@ -168,7 +168,9 @@ def decode_faces(
         raise MapConnError(f"{REASONS[status]}; the stream is damaged", offset=offset)
     if not fully_read(coder, payload):
         raise MapConnError("bytes follow the last face; the stream is damaged", offset=offset)
-    faces = sorted_faces(level.fine.triangles, len(parents))
+    triangles = level.fine.triangles
+    del level, coarse  # sorting needs room
+    faces = sorted_faces(triangles, len(parents))
     if np.any(np.all(faces[1:] == faces[:-1], axis=1)):
         raise MapConnError("a face appears twice; the stream is damaged", offset=offset)
     return faces

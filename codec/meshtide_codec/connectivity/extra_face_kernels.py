@@ -16,6 +16,7 @@ from meshtide_codec.connectivity.decision_kernels import (
     AT_EXTRA_FACE,
     EXTRA_CONTEXTS,
     EXTRA_DIRECTION_CONTEXTS,
+    NO_SUCH_CANDIDATE,
     borders,
     code_choice,
 )
@@ -79,23 +80,20 @@ def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, ha
             direction += 1
     if not code_adaptive_bit(coder, buffer, models.contexts, EXTRA_CONTEXTS + context, more):
         return DONE
-    direction = code_adaptive_bit(
-        coder,
-        buffer,
-        models.contexts,
-        EXTRA_DIRECTION_CONTEXTS + (1 if state == half_edges.BORDER else 0),
-        direction & 1,
-    )
+    direction_context = EXTRA_DIRECTION_CONTEXTS + (1 if state == half_edges.BORDER else 0)
+    direction = code_adaptive_bit(coder, buffer, models.contexts, direction_context, direction & 1)
     if direction:
         first, second = second, first
     if not level.encoding:
         count = _gather(level, first, second, known_apex)
+        if count == 0:
+            return NO_SUCH_CANDIDATE
     best, total = score_candidates(
         models.scores, level.geometric, level.candidates, count, fine.vertices, first, second, known_apex
     )
     row = code_choice(coder, buffer, models, AT_EXTRA_FACE, level.candidates, count, best, total)
-    if row < 0 or count == 0:
-        return min(row, -2)
+    if row < 0:
+        return row
     return add_chosen_face(level, first, second, row)
 
 

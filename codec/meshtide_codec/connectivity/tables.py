@@ -17,7 +17,7 @@ from meshtide_codec.connectivity.decision_kernels import Models
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-PRIOR_LIMIT = 12  # a context starts with at most this count, so that it still learns fast
+PRIOR_LIMIT = 8  # a context starts with at most this count, so that it still learns fast
 
 
 def new_models(*, geometric: bool) -> Models:
