@@ -90,13 +90,11 @@ class CompactDecoder:
         return number in self._available()
 
     def is_exact(self, number: int) -> bool:
-        """Whether the level is as the encoder made it: every vertex is known to the level's depth."""
+        """Whether the level is as the encoder made it: every Diff that comes with it or before it is there."""
         if number in self._previews:
             return True
-        if not self.is_available(number):
-            return False
-        _, depths = known_positions(self._level(number), self._states(), self._options.slices)
-        return bool((depths >= self._bits - number).all())
+        sent = [depth for depth in self._options.diff_depths if depth <= self._bits - number]
+        return self.is_available(number) and all(coder.depth >= max(sent, default=0) for coder in self._coders)
 
     def faces(self, number: int) -> NDArray[np.int32]:
         """Faces (m, 3) of an available level."""

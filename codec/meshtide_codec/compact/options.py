@@ -101,8 +101,8 @@ class CompactHeader:
             raise plain_values.BadValueError(f"options of a compact stream are not {plain_values.shown(options)}")
         base_depth = plain_values.integer(options["b"], "base depth", 0, bits)
         depths = plain_values.binary(options["d"], "depths of Diffs", LARGEST_B)
-        if any(not base_depth < depth <= bits for depth in depths) or list(depths) != sorted(set(depths)):
-            raise plain_values.BadValueError(f"depths of Diffs must ascend in {base_depth + 1}..{bits}")
+        if any(not base_depth <= depth <= bits for depth in depths) or list(depths) != sorted(set(depths)):
+            raise plain_values.BadValueError(f"depths of Diffs must ascend in {base_depth}..{bits}")
         count = bits - base_depth + 1
         mirror = None
         if "m" in options:

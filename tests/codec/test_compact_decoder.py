@@ -1,0 +1,239 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshes import grid, random_meshes, shapes
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.decoder import Decoder, decode
+from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.errors import ContainerError, LimitError, MeshtideError, PacketError
+from meshtide_codec.limits import Limits
+from meshtide_codec.mesh import Mesh
+from meshtide_codec.stream.packets import Packet, PacketKind
+
+
+@cache
+def encoded_patch(slices: int = 1) -> EncodedMesh:
+    """A mesh with several levels beyond its base and several Diffs."""
+    return encode(grid(30), CompactOptions(bits=10, slices=slices, previews=()))
+
+
+def assert_exact(decoded: Mesh, encoded: EncodedMesh) -> None:
+    expected = encoded.quantized.mesh()
+    assert np.array_equal(decoded.vertices, expected.vertices)
+    assert np.array_equal(decoded.faces, expected.faces)
+
+
+def decoder_of(encoded: EncodedMesh, without: set[int] | None = None) -> Decoder:
+    decoder = Decoder(encoded.header)
+    for index, packet in enumerate(encoded.packets):
+        if index not in (without or set()):
+            decoder.push(packet)
+    return decoder
+
+
+@pytest.mark.parametrize("name", shapes())
+@pytest.mark.parametrize("slices", [1, 3])
+def test_every_shape_survives(name: str, slices: int) -> None:
+    encoded = encode(shapes()[name](), CompactOptions(bits=7, slices=slices))
+    assert_exact(decode(encoded.to_bytes()), encoded)
+
+
+@given(random_meshes(), st.integers(4, 16), st.sampled_from([1, 2, 7]))
+@settings(max_examples=60)
+def test_random_meshes_survive(mesh: Mesh, bits: int, slices: int) -> None:
+    encoded = encode(mesh, CompactOptions(bits=bits, slices=slices))
+    assert_exact(decode(encoded.to_bytes()), encoded)
+
+
+def test_encoding_is_deterministic() -> None:
+    options = CompactOptions(bits=10, slices=2)
+    assert encode(grid(30), options).to_bytes() == encode(grid(30), options).to_bytes()
+
+
+def test_a_mirror_plane_is_used_and_carried() -> None:
+    half = grid(30)
+    image = half.vertices * [-1, 1, 1] - [1, 0, 0]
+    mesh = Mesh.checked(
+        np.concatenate([half.vertices, image]), np.concatenate([half.faces, half.faces[:, ::-1] + len(half.vertices)])
+    )
+    encoded = encode(mesh, CompactOptions(bits=10))
+    assert "m" in encoded.header.options
+    assert_exact(decode(encoded.to_bytes()), encoded)
+    plain = encode(mesh, CompactOptions(bits=10, mirror=False))
+    assert "m" not in plain.header.options
+    assert_exact(decode(plain.to_bytes()), plain)
+    assert len(encoded.to_bytes()) < 0.9 * len(plain.to_bytes())
+
+
+def test_a_stream_cut_after_any_packet_is_a_drawable_mesh() -> None:
+    encoded = encoded_patch()
+    decoder = Decoder(encoded.header)
+    for count, packet in enumerate(encoded.packets, 1):
+        decoder.push(packet)
+        best = decoder.best
+        assert best is not None
+        mesh = decoder.mesh(best)
+        assert np.isfinite(mesh.vertices).all()
+        assert mesh.faces.max() < len(mesh.vertices)
+        for row in encoded.header.levels:
+            if row.packet_count <= count:
+                assert decoder.is_exact(row.level)
+                drawn = decoder.mesh(row.level)
+                assert (len(drawn.vertices), len(drawn.faces)) == (row.vertices, row.faces)
+    assert_exact(decoder.mesh(0), encoded)
+
+
+def test_what_the_encoder_measured_is_what_the_decoder_draws() -> None:
+    encoded = encoded_patch(slices=2)
+    decoder = Decoder(encoded.header)
+    rows = {row.packet_count: row for row in encoded.header.levels}
+    from meshtide_codec.distortion import DistortionMeter
+    from meshtide_codec.stream.header import stored_distance
+
+    exact = encoded.quantized
+    meter = DistortionMeter(exact.positions.astype(float), exact.faces)
+    for count, packet in enumerate(encoded.packets, 1):
+        decoder.push(packet)
+        if count in rows and rows[count].rms > 0:
+            row = rows[count]
+            measured = meter.measure(decoder._decoder.geometry(row.level), decoder._decoder.faces(row.level))
+            assert stored_distance(measured.rms) == row.rms
+            assert stored_distance(measured.maximum) == row.maximum
+
+
+def cells_of(encoded: EncodedMesh, decoder: Decoder) -> None:
+    """Every vertex of level 0 lies within the leaf cell that Maps alone tell."""
+    level = decoder._decoder._level(0)  # type: ignore[union-attr]
+    bits = encoded.header.bits
+    side = 1 << (bits - level.cell_depths.astype(np.int64))[:, None]
+    low = level.cells.astype(np.int64) * side - 0.5
+    drawn = decoder._decoder.geometry(0)
+    assert (drawn >= low - 1e-9).all()
+    assert (drawn <= low + side + 1e-9).all()
+
+
+def test_every_diff_removed_leaves_connectivity_exact_and_vertices_in_their_cells() -> None:
+    encoded = encoded_patch(slices=3)
+    whole = decoder_of(encoded)
+    diffs = {i for i, packet in enumerate(encoded.packets) if packet.kind is PacketKind.DIFF}
+    assert len(diffs) > 6
+    bare = decoder_of(encoded, without=diffs)
+    for row in encoded.header.levels:
+        assert np.array_equal(bare.mesh(row.level).faces, whole.mesh(row.level).faces)
+    assert not bare.is_exact(0)
+    cells_of(encoded, bare)
+
+
+@given(st.sets(st.integers(0, 40)))
+@settings(max_examples=30)
+def test_vertices_whose_diffs_are_all_there_are_exact(missing: set[int]) -> None:
+    encoded = encoded_patch(slices=4)
+    lost = {i for i in missing if i < len(encoded.packets) and encoded.packets[i].kind is PacketKind.DIFF}
+    decoder = decoder_of(encoded, without=lost)
+    expected = encoded.quantized.mesh()
+    mesh = decoder.mesh(0)
+    assert np.array_equal(mesh.faces, expected.faces)
+    cells_of(encoded, decoder)
+    inner = decoder._decoder
+    level = inner._level(0)  # type: ignore[union-attr]
+    for index in range(len(inner._options.slices)):  # type: ignore[union-attr]
+        rows = inner._options.slices.vertices(level, index)  # type: ignore[union-attr]
+        part = slice(rows.start, rows.stop)
+        if not any(encoded.packets[i].slice == index for i in lost):
+            assert np.array_equal(mesh.vertices[part], expected.vertices[part])
+    if not lost:
+        assert_exact(mesh, encoded)
+
+
+@given(st.randoms(use_true_random=False))
+@settings(max_examples=25)
+def test_the_same_mesh_comes_out_in_any_order_of_arrival(random: object) -> None:
+    encoded = encoded_patch(slices=2)
+    packets = list(encoded.packets)
+    random.shuffle(packets)  # type: ignore[attr-defined]
+    decoder = Decoder(encoded.header)
+    seen: set[int] = set()
+    for packet in packets:
+        for update in decoder.push(packet):
+            seen.add(update.level)
+            decoder.mesh(update.level)
+    assert decoder.is_exact(0)
+    assert set(range(encoded.header.levels[0].level + 1)) == seen
+    assert_exact(decoder.mesh(0), encoded)
+
+
+def test_packets_that_do_not_belong_are_refused() -> None:
+    encoded = encoded_patch()
+    base = encoded.packets[0]
+    decoder = Decoder(encoded.header)
+    for packet in (
+        replace(base, level=0),
+        replace(base, slice=1),
+        Packet(PacketKind.MAP_CONN, base.level, 0, b""),
+        Packet(PacketKind.MAP_CONN, 60, 0, b""),
+        Packet(PacketKind.DIFF, 60, 0, b""),
+        Packet(PacketKind.DIFF, 0, 1, b""),
+        Packet(PacketKind.PARAM, 0, 0, b""),
+        Packet(PacketKind.PREVIEW, 0, 0, b""),
+        Packet(PacketKind.PREVIEW, base.level + 1, 0, b""),
+    ):
+        with pytest.raises(PacketError, match="no such packet"):
+            decoder.push(packet)
+    for packet in encoded.packets:
+        decoder.push(packet)
+        with pytest.raises(PacketError, match="came twice"):
+            decoder.push(packet)
+    assert_exact(decoder.mesh(0), encoded)
+
+
+def test_headers_that_make_no_sense_are_refused() -> None:
+    header = encoded_patch().header
+    with pytest.raises(ContainerError, match="level table lacks"):
+        Decoder(replace(header, levels=(header.levels[0], header.levels[-1])))
+    with pytest.raises(LimitError, match="vertices"):
+        Decoder(header, Limits(vertices=10))
+    with pytest.raises(ContainerError, match="damaged stream header"):
+        Decoder(replace(header, options={}))
+
+
+@given(st.data())
+@settings(max_examples=80)
+def test_hostile_payloads_with_right_framing_raise_from_the_tree_only(data: st.DataObject) -> None:
+    encoded = encoded_patch(slices=2)
+    victim = data.draw(st.integers(0, len(encoded.packets) - 1))
+    payload = bytearray(encoded.packets[victim].payload)
+    kind = data.draw(st.sampled_from(["flip", "cut", "junk"]))
+    if kind == "junk":
+        payload = bytearray(data.draw(st.binary(max_size=60)))
+    elif payload and kind == "flip":
+        payload[data.draw(st.integers(0, len(payload) - 1))] ^= data.draw(st.integers(1, 255))
+    elif payload:
+        del payload[data.draw(st.integers(0, len(payload) - 1)) :]
+    decoder = Decoder(encoded.header)
+    for index, packet in enumerate(encoded.packets):
+        try:
+            decoder.push(replace(packet, payload=bytes(payload)) if index == victim else packet)
+        except MeshtideError as error:
+            assert isinstance(error, PacketError | LimitError)
+            break
+        finest = decoder.finest
+        if finest is not None:
+            mesh = decoder.mesh(finest)
+            assert np.isfinite(mesh.vertices).all()
+            assert mesh.faces.size == 0 or mesh.faces.max() < len(mesh.vertices)
+
+
+def test_a_map_that_claims_more_children_than_the_header_has_vertices_stops() -> None:
+    encoded = encoded_patch()
+    smaller = [replace(row, vertices=min(row.vertices, 500)) for row in encoded.header.levels]
+    decoder = Decoder(replace(encoded.header, levels=tuple(smaller)))
+    with pytest.raises(PacketError, match="claims more than the 500 vertices"):
+        for packet in encoded.packets:
+            decoder.push(packet)
