@@ -56,6 +56,9 @@ def encode(
         str | None, typer.Option(help="classic: the very levels whose Diffs are sent, such as 0,2,3.")
     ] = None,
     keep_unreferenced: Annotated[bool, typer.Option(help="Keep vertices that no face uses.")] = False,
+    store_permutation: Annotated[
+        bool, typer.Option(help="Store which stream vertex each input vertex became, to restore the input's order.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Encode a mesh file into a .tide stream.
@@ -89,7 +92,7 @@ def encode(
         progress("read", 0.0)
         loaded = load_mesh(mesh, keep_unreferenced=True)
         kept = loaded if keep_unreferenced else loaded.referenced()
-        encoded = encode_mesh(kept, options, progress=progress)
+        encoded = encode_mesh(kept, options, store_permutation=store_permutation, progress=progress)
     target = output or mesh.with_suffix(".tide")
     data = encoded.to_bytes()
     write_atomically(target, data)
@@ -115,6 +118,9 @@ def decode(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Default: the stream's name with .ply.")] = None,
     level: Annotated[int, typer.Option(help="Level to decode; 0 is the finest.")] = 0,
     partial: Annotated[bool, typer.Option(help="Take what a cut-off or damaged file still holds.")] = False,
+    input_order: Annotated[
+        bool, typer.Option(help="Level 0 with the vertices as the input had them; needs --store-permutation.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Decode a .tide stream into a mesh file.
@@ -125,6 +131,7 @@ def decode(
     from meshtide_codec.decoder import Decoder
     from meshtide_codec.errors import OptionError
     from meshtide_codec.files import save_mesh
+    from meshtide_codec.permutation import in_input_order
     from meshtide_codec.stream.container import read_available
 
     header, packets, problem = read_available(stream.read_bytes())
@@ -135,7 +142,7 @@ def decode(
         raise OptionError(f"the stream has levels 0..{coarsest}, not {level}")
     with progress_bar("decode") as progress:
         decoder = Decoder(header)
-        wanted = packets[: header.packet_count(level)]
+        wanted = packets if input_order else packets[: header.packet_count(level)]
         for done, packet in enumerate(wanted):
             progress("packets", done / len(wanted))
             decoder.push(packet)
@@ -143,6 +150,10 @@ def decode(
             raise problem or OptionError("the stream holds no whole level")
         shown = max(level, decoder.finest)
         mesh = decoder.mesh(shown)
+        if input_order:
+            if decoder.permutation is None or shown != 0:
+                raise OptionError("the input's order is known for level 0 of a stream with a stored permutation only")
+            mesh = in_input_order(mesh, decoder.permutation)
     target = output or stream.with_suffix(".ply")
     save_mesh(mesh, target)
     answer = {

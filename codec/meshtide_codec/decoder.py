@@ -22,10 +22,14 @@ from meshtide_codec.compact.decoder import CompactDecoder
 from meshtide_codec.errors import ContainerError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.permutation import read_permutation
 from meshtide_codec.quantize import dequantize
 from meshtide_codec.stream.container import read_container
+from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.stream.packets import Packet
 
@@ -55,6 +59,8 @@ class Decoder:
         for row in header.levels:
             limits.check_mesh(row.vertices, row.faces, level=row.level)
         self.header = header
+        self._limits = limits
+        self._permutation: NDArray[np.int64] | None = None
         self._decoder: ClassicDecoder | CompactDecoder
         if header.profile == classic_options.PROFILE:
             self._decoder = ClassicDecoder(header)
@@ -70,7 +76,15 @@ class Decoder:
             PacketError: the packet does not belong to this stream, came before, or is damaged; what was decoded
                 before stays usable.
         """
+        if packet.kind is PacketKind.PERMUTATION and self._permutation is None:
+            self._permutation = read_permutation(packet, self.header.vertices, self._limits)
+            return []
         return [LevelUpdate(level, self._decoder.is_exact(level)) for level in self._decoder.push(packet)]
+
+    @property
+    def permutation(self) -> NDArray[np.int64] | None:
+        """(input vertices,) the vertex of level 0 that each input vertex became, once its packet is there."""
+        return self._permutation
 
     @property
     def finest(self) -> int | None:

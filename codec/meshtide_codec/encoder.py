@@ -12,6 +12,7 @@ from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.encoder import CompactEncoding
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.distortion import DistortionMeter
+from meshtide_codec.permutation import permutation_packet
 from meshtide_codec.quantize import QuantizedMesh, quantize
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table, stored_distance
@@ -52,6 +53,7 @@ def encode(
     mesh: Mesh,
     options: Options | None = None,
     *,
+    store_permutation: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> EncodedMesh:
     """Encode `mesh`; the same mesh and options give the same bytes.
@@ -59,6 +61,7 @@ def encode(
     Args:
         mesh: any triangle mesh.
         options: `CompactOptions` or `ClassicOptions`; the compact profile's defaults when left out.
+        store_permutation: whether the stream also tells which of its vertices each input vertex became.
         progress: is called with the name of a stage and the fraction of it that is done.
 
     Raises:
@@ -79,6 +82,8 @@ def encode(
         encoding = ClassicEncoding(quantized, options, progress)
     else:
         encoding = CompactEncoding(quantized, options, progress)
+    if store_permutation:
+        encoding.packets.append(permutation_packet(quantized.permutation, len(quantized.positions)))
     return describe(encoding, quantized, progress)
 
 

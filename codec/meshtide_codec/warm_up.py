@@ -32,7 +32,7 @@ def warm_up() -> int:
         RuntimeError: a stream did not decode to what was encoded, so this installation is broken.
     """
     mesh = _bent_grid(60)
-    variants = [
+    variants: list[CompactOptions | ClassicOptions] = [
         CompactOptions(bits=10, slices=2),
         *(ClassicOptions(filter=spec, coarsest_vertices=20) for spec in _FILTERS),
     ]

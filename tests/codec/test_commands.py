@@ -116,6 +116,15 @@ def test_the_compact_profile_is_the_default(mesh_file: Path, options: list[str])
     assert isinstance(meshtide("info", answer["output"], "--statistics").exception, OptionError)
 
 
+def test_the_order_of_the_input_can_be_kept(mesh_file: Path, tmp_path: Path) -> None:
+    assert meshtide("encode", mesh_file, "-o", tmp_path / "kept.tide", "--store-permutation").exit_code == 0
+    assert meshtide("decode", tmp_path / "kept.tide", "--input-order").exit_code == 0
+    restored, original = load_mesh(tmp_path / "kept.ply"), load_mesh(mesh_file)
+    assert (abs(restored.vertices - original.vertices) < 0.01).all()
+    assert meshtide("encode", mesh_file, "-o", tmp_path / "lost.tide").exit_code == 0
+    assert isinstance(meshtide("decode", tmp_path / "lost.tide", "--input-order").exception, OptionError)
+
+
 def test_info_tells_bytes_by_level_and_kind(stream_file: Path) -> None:
     answer = json.loads(meshtide("info", stream_file, "--json").stdout)
     assert answer["bytes"] == stream_file.stat().st_size
