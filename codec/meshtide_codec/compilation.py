@@ -34,6 +34,16 @@ def inlined_kernel(function: Function) -> Function:
     return _compiled(function, inline="always")
 
 
+def borrowing_kernel(function: Function) -> Function:
+    """Compile an inner kernel that neither makes nor keeps arrays, without counting references to them.
+
+    Structures of many arrays are handed from kernel to kernel in the innermost loops. Each time one is taken apart
+    numba would count a reference to every array in it up and down again, which costs more than the work itself. A
+    borrowing kernel must not allocate arrays, and only kernels may call it.
+    """
+    return _compiled(function, _nrt=False)
+
+
 def _compiled(function: Function, **options: Any) -> Function:  # noqa: ANN401 - numba's options
     options |= {"error_model": "numpy", "fastmath": False}
     try:

@@ -16,8 +16,7 @@ import numpy as np
 from meshtide_codec.compact import diff_prediction_kernels as prediction
 from meshtide_codec.compact.quantizers import SATURATING_ENTRIES, STEPS, saturating_classes
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
-from meshtide_codec.compilation import inlined_kernel, kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel, kernel
 from meshtide_codec.entropy.mixing_kernels import INPUTS, code_mixed_bit
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ import numpy as np
 
 from meshtide_codec.compact.quantizers import LOGARITHM_ENTRIES, STEPS, half_octave_classes
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
-from meshtide_codec.compilation import inlined_kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,8 +16,7 @@ from meshtide_codec.compact.map_layout import MIRROR_TRUST_LIMIT
 from meshtide_codec.compact.map_leaf_kernels import code_leaf_flags
 from meshtide_codec.compact.map_octant_kernels import code_children, mirrored_children
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
-from meshtide_codec.compilation import kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.compilation import borrowing_kernel, kernel
 from meshtide_codec.entropy.mixing_kernels import INPUTS
 
 if TYPE_CHECKING:

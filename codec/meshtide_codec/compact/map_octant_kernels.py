@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.compact import map_layout as layout
 from meshtide_codec.compact import map_survey_kernels as surveys
-from meshtide_codec.compilation import inlined_kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel
 from meshtide_codec.entropy.mixing_kernels import code_mixed_bit
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
-from meshtide_codec.compilation import inlined_kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel
 
 if TYPE_CHECKING:
     import numpy as np
