@@ -1,4 +1,4 @@
-"""Peak memory of decoding: python tests/bench/memory.py [--vertices 1000000]
+"""Peak memory of decoding: python tests/bench/memory.py [--vertices 1000000] [--profile compact].
 
 A stream is encoded here and decoded in a process of its own, whose peak resident size is read from the operating
 system (Linux); what an interpreter takes that has only loaded the decoder and its kernels is printed beside it.
@@ -12,6 +12,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from meshtide_codec.command_options import PROFILES, profile_options
 
 DECODE = """
 import sys
@@ -34,17 +36,24 @@ def main() -> None:
     """Encode, decode elsewhere, print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--vertices", type=int, default=1_000_000)
+    parser.add_argument("--profile", choices=PROFILES, default="compact")
     arguments = parser.parse_args()
     from large_meshes import wavy_torus
-    from meshtide_codec.classic.options import ClassicOptions
+
     from meshtide_codec.encoder import encode
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "torus.tide"
-        path.write_bytes(encode(wavy_torus(arguments.vertices), ClassicOptions(bits=16)).to_bytes())
-        output = subprocess.run([sys.executable, "-c", DECODE, str(path)], stdout=subprocess.PIPE, text=True, check=True)
+        path.write_bytes(
+            encode(wavy_torus(arguments.vertices), profile_options(arguments.profile, 16, {}, {})).to_bytes()
+        )
+        output = subprocess.run(
+            [sys.executable, "-c", DECODE, str(path)], stdout=subprocess.PIPE, text=True, check=True
+        )
     loaded, peak, arrays = map(int, output.stdout.split())
-    print(f"decoded arrays {arrays / MEBIBYTE:.0f} MiB; interpreter with kernels {loaded * KIBIBYTE / MEBIBYTE:.0f} MiB")
+    print(
+        f"decoded arrays {arrays / MEBIBYTE:.0f} MiB; interpreter with kernels {loaded * KIBIBYTE / MEBIBYTE:.0f} MiB"
+    )
     print(f"peak {peak * KIBIBYTE / MEBIBYTE:.0f} MiB = {peak * KIBIBYTE / arrays:.1f} x the arrays")
     encoder = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(f"peak of the encoding process {encoder * KIBIBYTE / MEBIBYTE:.0f} MiB")

@@ -1,4 +1,4 @@
-"""Time of encoding and decoding, profile classic: python tests/bench/speed.py [--sizes 10000 100000 1000000]
+"""Time of encoding and decoding in both profiles: python tests/bench/speed.py [--sizes 10000 100000 1000000].
 
 Process time of this thread after one warming run, over several runs: minimum, median, maximum, in seconds; and
 microseconds per vertex, which stay the same where the cost grows linearly.
@@ -12,7 +12,9 @@ import time
 from typing import TYPE_CHECKING, TypeVar
 
 from large_meshes import wavy_torus
+
 from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.filters import FilterSpec
@@ -37,7 +39,7 @@ def timed(work: Callable[[], Result], runs: int) -> tuple[Result, list[float]]:
     return result, sorted(seconds)
 
 
-def report(name: str, mesh: Mesh, options: ClassicOptions, runs: int) -> None:
+def report(name: str, mesh: Mesh, options: ClassicOptions | CompactOptions, runs: int) -> None:
     """Print one mesh's line."""
     encoded, encoding = timed(lambda: encode(mesh, options), runs)
     data = encoded.to_bytes()
@@ -58,11 +60,14 @@ def main() -> None:
     parser.add_argument("--degree", type=int, default=3)
     parser.add_argument("--runs", type=int, default=5)
     arguments = parser.parse_args()
-    options = ClassicOptions(bits=12, filter=FilterSpec("polynomial", degree=arguments.degree))
-    report("stanford-bunny", load_sample("stanford-bunny"), options, arguments.runs)
+    spec = FilterSpec("polynomial", degree=arguments.degree)
+    bunny = load_sample("stanford-bunny")
+    report("bunny classic", bunny, ClassicOptions(filter=spec), arguments.runs)
+    report("bunny compact", bunny, CompactOptions(), arguments.runs)
     for size in arguments.sizes:
-        fine = ClassicOptions(bits=16, filter=options.filter)  # at 12 bits a million vertices would weld
-        report("wavy torus", wavy_torus(size), fine, arguments.runs)
+        torus = wavy_torus(size)  # at 16 bits, since at 12 a million vertices would weld
+        report("torus classic", torus, ClassicOptions(bits=16, filter=spec), arguments.runs)
+        report("torus compact", torus, CompactOptions(bits=16), arguments.runs)
 
 
 if __name__ == "__main__":
