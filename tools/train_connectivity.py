@@ -109,7 +109,7 @@ def fitted_scores(levels: list[Case], *, geometric: bool) -> NDArray[np.int16]:
     used_features = FEATURES if geometric else PLAIN_FEATURES
     for _ in range(ROUNDS):
         rows = choices = 0
-        models = Models(new_contexts(CONTEXTS), stored(scores).astype(np.int32))
+        models = Models(new_contexts(CONTEXTS), stored(scores).astype(np.int32), tables.new_pair_weights())
         for case in levels:
             coarse = build_coarse_mesh(case.parents, case.coarse_faces, case.coarse_count)
             truth = build_truth(case.faces, len(case.parents))
@@ -135,7 +135,7 @@ def stored(scores: NDArray[np.float64]) -> NDArray[np.int16]:
 
 def learnt_contexts(levels: list[Case], scores: NDArray[np.int16]) -> NDArray[np.int32]:
     """The contexts after coding all levels one after the other, small ones first."""
-    models = Models(new_contexts(CONTEXTS), scores.astype(np.int32))
+    models = Models(new_contexts(CONTEXTS), scores.astype(np.int32), tables.new_pair_weights())
     for case in sorted(levels, key=lambda case: len(case.faces)):
         models.scores[:] = scores
         codec.encode_with(models, *case)

@@ -19,7 +19,7 @@ consecutive. A coarse vertex with several children is *split*.
      Exponentials of the scores are weights. Scores then move towards what was chosen, if that was a surprise.
    - *Decisions* (`decision_kernels`): first, has the gate a face with one of these candidates? Then, candidate by
      candidate from the greatest weight on, is it this one? Each answer is coded with two adaptive contexts, one for
-     the odds that the weights give, one for the kind of candidate, averaged in the logistic domain.
+     the odds that the weights give, one for the kind of candidate, weighed in the logistic domain.
    - A gate whose weights leave much doubt stays open in the first pass, since faces found later may settle it. When
      the first pass has nothing left, the second pass asks the next such gate for good.
    - Candidates that would give an edge a third face, or repeat a directed edge, are *blocked*: they are asked for only

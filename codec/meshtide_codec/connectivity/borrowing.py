@@ -22,3 +22,13 @@ def borrowing_kernel(function: Function) -> Function:
     options: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False, "_nrt": False}
     compiled: Function = numba.njit(**options)(function)
     return compiled
+
+
+def merged_kernel(function: Function) -> Function:
+    """Like `borrowing_kernel`, for the steps of the innermost loop: merged into the machine code of each caller.
+
+    A call would copy the descriptions of all arrays of a structure.
+    """
+    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False, "_nrt": False}
+    compiled: Function = numba.njit(forceinline=True, **options)(function)
+    return compiled

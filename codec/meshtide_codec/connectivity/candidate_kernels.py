@@ -14,7 +14,7 @@ import numpy as np
 
 from meshtide_codec.compilation import inlined_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import merged_kernel
 from meshtide_codec.connectivity.coarse_kernels import APEX_SCAN_LIMIT
 from meshtide_codec.connectivity.edge_index_kernels import first_entry
 
@@ -126,7 +126,7 @@ def _add_family(
     return count
 
 
-@borrowing_kernel
+@merged_kernel
 def gather_apexes(
     candidates: Candidates,
     coarse: CoarseMesh,

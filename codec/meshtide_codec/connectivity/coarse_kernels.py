@@ -14,7 +14,7 @@ import numpy as np
 from meshtide_codec.compilation import kernel
 from meshtide_codec.connectivity import edge_index_kernels as edge_index
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -116,7 +116,7 @@ def only_split_apexes(coarse: CoarseMesh, start: int, end: int) -> bool:
     return found
 
 
-@borrowing_kernel
+@merged_kernel
 def has_split_apex(coarse: CoarseMesh, start: int, end: int) -> bool:
     """Whether one of the coarse faces at the edge start -> end has a split apex."""
     edges = coarse.edges

@@ -115,12 +115,13 @@ def _encoded_as(
     """The payload of a level announced as closed or clean or not, and the status that says whether it was true."""
     status = level_kernels.DONE
     witnesses = find_witnesses(truth.faces, parents, coarse)
-    fresh = Models(models.contexts.copy(), models.scores.copy())
+    fresh = Models(models.contexts.copy(), models.scores.copy(), models.weights.copy())
 
     def write(coder: Coder, buffer: Buffer) -> None:
         nonlocal status
         models.contexts[:] = fresh.contexts
         models.scores[:] = fresh.scores
+        models.weights[:] = fresh.weights
         level = new_level(coarse, truth, parents, len(truth.faces), positions)
         level = level._replace(encoding=True, closed=closed, clean=clean)
         code_raw_bits(coder, buffer, 2, 2 * closed + clean)
@@ -130,6 +131,7 @@ def _encoded_as(
     if status != level_kernels.DONE:
         models.contexts[:] = fresh.contexts
         models.scores[:] = fresh.scores
+        models.weights[:] = fresh.weights
     return payload, status
 
 

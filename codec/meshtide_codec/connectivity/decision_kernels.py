@@ -13,7 +13,7 @@ import numpy as np
 
 from meshtide_codec.compilation import inlined_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.candidate_kernels import CLOSINGS, CORNERS, KINDS
 from meshtide_codec.connectivity.mixing_kernels import code_paired_bit
 from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT
@@ -61,6 +61,10 @@ LISTED_CONTEXTS = LEFTOVER_CONTEXTS + 4 * 2
 OFFSET_CONTEXTS = LISTED_CONTEXTS + 2
 CONTEXTS = OFFSET_CONTEXTS + SIGNED_CONTEXTS
 
+# Pairs of weights: for each stage and the first ranks of a choice, then for gates.
+GATE_PAIR = STAGES * 4
+PAIRS = GATE_PAIR + 2
+
 
 class Models(NamedTuple):
     """What the coder expects.
@@ -68,10 +72,12 @@ class Models(NamedTuple):
     Attributes:
         contexts: (CONTEXTS,) int32, adaptive contexts.
         scores: (SCORES,) int32, trained scores of candidates.
+        weights: (2 * PAIRS,) int32, of the two contexts of each sort of decision.
     """
 
     contexts: Contexts
     scores: NDArray[np.int32]
+    weights: NDArray[np.int32]
 
 
 @inlined_kernel
@@ -80,7 +86,7 @@ def borders(fine: FineMesh, first: int, second: int) -> int:
     return int(fine.vertices[first, half_edges.AT_BORDER] + fine.vertices[second, half_edges.AT_BORDER])
 
 
-@borrowing_kernel
+@merged_kernel
 def code_gate_has_face(
     coder: Coder,
     buffer: Buffer,
@@ -103,12 +109,13 @@ def code_gate_has_face(
     doubt = min(3, total // FULL_WEIGHT - 1)
     other = (min(count - 1, 5) * 4 + doubt) * CLOSINGS + closed
     other = ((other * 2 + (1 if shared else 0)) * 2 + min(uncovered, 1)) * 3 + at_border
-    return code_paired_bit(
-        coder, buffer, models.contexts, GATE_CONTEXTS + one, GATE_CONFIDENCE_CONTEXTS + other, has_face
-    )
+    pair = GATE_PAIR + (1 if closed == CLOSINGS - 1 else 0)
+    one += GATE_CONTEXTS
+    other += GATE_CONFIDENCE_CONTEXTS
+    return code_paired_bit(coder, buffer, models.contexts, models.weights, pair, one, other, has_face)
 
 
-@borrowing_kernel
+@merged_kernel
 def code_choice(
     coder: Coder,
     buffer: Buffer,
@@ -136,10 +143,11 @@ def code_choice(
         one = ((stage * ODDS_CLASSES + odds_class) * 4 + place) * 2 + (1 if remaining > 2 else 0)
         other = int(candidates.kind[row]) * CORNERS + int(candidates.corner[row])
         other = ((other * 4 + place) * 4 + min(remaining - 2, 3)) * 6 + (odds_class >> 2)
-        if code_paired_bit(
-            coder, buffer, models.contexts, ODDS_CONTEXTS + one, KIND_CONTEXTS + other,
-            1 if candidates.right[row] >= 0 else 0,
-        ):  # fmt: skip
+        pair = stage * 4 + place
+        one += ODDS_CONTEXTS
+        other += KIND_CONTEXTS
+        right = 1 if candidates.right[row] >= 0 else 0
+        if code_paired_bit(coder, buffer, models.contexts, models.weights, pair, one, other, right):
             return row
         total -= weight[row]
         weight[row] = -1 - weight[row]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from meshtide_codec.compilation import inlined_kernel, kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,7 +90,7 @@ def is_degenerate(a: int, b: int, c: int) -> bool:
     return a == b or b == c or c == a  # noqa: PLR1714 - kernels compare faster than they search tuples
 
 
-@borrowing_kernel
+@merged_kernel
 def first_entry(index: EdgeIndex, origin: int, target: int, apex: int) -> int:
     """First entry of `origin` that is not before (target, apex); the end of its list if there is none."""
     low = int(index.start[origin])

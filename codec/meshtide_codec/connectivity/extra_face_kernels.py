@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.candidate_kernels import EVERYTHING, gather_apexes
 from meshtide_codec.connectivity.coarse_kernels import APEX_SCAN_LIMIT, SPLIT
 from meshtide_codec.connectivity.decision_kernels import (
@@ -56,7 +56,7 @@ def code_extra_face(coder: Coder, buffer: Buffer, models: Models, level: Level) 
     return DONE
 
 
-@borrowing_kernel
+@merged_kernel
 def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, half_edge: int, state: int) -> int:
     """Ask for a further face at the edge of `half_edge`."""
     fine = level.fine
@@ -107,7 +107,7 @@ def _gather(level: Level, first: int, second: int, known_apex: int) -> int:
     return count
 
 
-@borrowing_kernel
+@merged_kernel
 def _context(level: Level, first: int, second: int, state: int) -> int:
     """Context of the question at an edge; -1 where everything around is unsplit, so that nothing can be missing."""
     coarse = level.coarse
@@ -132,7 +132,7 @@ def _context(level: Level, first: int, second: int, state: int) -> int:
     return (context * 2 + (1 if state == half_edges.BORDER else 0)) * 2 + (0 if both_split else 1)
 
 
-@borrowing_kernel
+@merged_kernel
 def _faces_below(coarse: CoarseMesh, start: int, end: int) -> tuple[int, int, int]:
     """Coarse faces at a coarse directed edge, how many are not accounted for, and their apexes' joint activity."""
     edges = coarse.edges

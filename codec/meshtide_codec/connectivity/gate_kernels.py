@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.candidate_kernels import BLOCKED_ONLY, CLOSINGS, STATES, UNBLOCKED, gather_apexes
 from meshtide_codec.connectivity.decision_kernels import (
     AT_EXTRA_FACE,
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 DOUBTFUL = FULL_WEIGHT * 5 // 2  # sum of weights beyond which a gate waits: the best has less than 40 %
 
 
-@borrowing_kernel
+@merged_kernel
 def next_gate(level: Level, place: int) -> int:
     """The next open half-edge of the pass FIRST_PASS or SECOND_PASS, or -1; advances that pass beyond it."""
     triangles = level.fine.triangles
@@ -74,7 +74,7 @@ def code_gates(coder: Coder, buffer: Buffer, models: Models, level: Level) -> in
     return DONE
 
 
-@borrowing_kernel
+@merged_kernel
 def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: int, may_wait: bool) -> int:
     """Code the face on the open side of a half-edge, or that there is none."""
     fine = level.fine

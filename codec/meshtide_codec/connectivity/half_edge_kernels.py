@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from meshtide_codec.compilation import inlined_kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 
 if TYPE_CHECKING:
     import numpy as np
@@ -87,7 +87,7 @@ def set_field(triangles: Table, half_edge: int, column: int, value: int) -> None
     triangles[half_edge >> 2, (half_edge & 3) + column] = value
 
 
-@borrowing_kernel
+@merged_kernel
 def write_corners(fine: FineMesh, triangle: int, a: int, b: int, c: int) -> None:
     """Start triangle number `triangle` with corners a, b, c; every half-edge is settled until told otherwise."""
     row = fine.triangles[triangle]
@@ -130,7 +130,7 @@ def drop_gate(triangles: Table, vertices: Table, gate: int, start: int, end: int
     vertices[end, OPEN_EDGES] -= 1
 
 
-@borrowing_kernel
+@merged_kernel
 def mark_surroundings(fine: FineMesh, first: int, second: int, number: int) -> bool:
     """Flag every vertex that shares a face with an end of the gate first -> second.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from meshtide_codec.compilation import inlined_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.coarse_kernels import SPLIT, CoarseMesh, cover, has_split_apex
 from meshtide_codec.connectivity.edge_index_kernels import is_degenerate
 from meshtide_codec.connectivity.shape_kernels import angle_class, position, squared_distance
@@ -81,7 +81,7 @@ def next_number(level: Level) -> int:
     return int(level.progress[NUMBER])
 
 
-@borrowing_kernel
+@merged_kernel
 def add_face_at_gate(level: Level, gate: int, row: int) -> None:
     """Add the face between a gate and the candidate at `row`, closing the edges that it closes."""
     triangles = level.fine.triangles
@@ -127,7 +127,7 @@ def _may_have_another_face(level: Level, start: int, end: int) -> bool:
     return has_split_apex(level.coarse, coarse_start, coarse_end)
 
 
-@borrowing_kernel
+@merged_kernel
 def _add_angles(vertices: NDArray[np.int32], first: int, second: int, apex: int) -> None:
     gate = squared_distance(position(vertices, first), position(vertices, second))
     one = squared_distance(position(vertices, first), position(vertices, apex))

@@ -16,7 +16,7 @@ import numpy as np
 from meshtide_codec.compilation import inlined_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity import shape_kernels as shapes
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.candidate_kernels import CORNERS, KINDS
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def gate_ends(vertices: Vertices, first: int, second: int) -> int:
     return one * 8 + other
 
 
-@borrowing_kernel
+@merged_kernel
 def score_candidates(
     scores: Scores,
     geometric: bool,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from meshtide_codec.compilation import inlined_kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import merged_kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -108,7 +108,7 @@ def normal_of(
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@borrowing_kernel
+@merged_kernel
 def gate_shape(vertices: Table, first: int, second: int, known_apex: int) -> GateShape:
     """Measure a gate from `first` to `second`, whose other side is the face (second, first, known_apex)."""
     one = position(vertices, first)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.connectivity.decision_kernels import Models
+from meshtide_codec.connectivity.decision_kernels import PAIRS, Models
+from meshtide_codec.connectivity.mixing_kernels import FIRST_WEIGHT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,12 +24,17 @@ PRIOR_LIMIT = 8  # a context starts with at most this count, so that it still le
 def new_models(*, geometric: bool) -> Models:
     """Models for one level, as the training left them; the caller may change them."""
     scores, contexts = _trained(geometric=geometric)
-    return Models(contexts.copy(), scores.copy())
+    return Models(contexts.copy(), scores.copy(), new_pair_weights())
 
 
 def table_path(*, geometric: bool) -> Path:
     """Where the table of a mode lies."""
     return Path(__file__).parent / "tables" / ("with_positions.npz" if geometric else "without_positions.npz")
+
+
+def new_pair_weights() -> NDArray[np.int32]:
+    """Equal weights for the two contexts of every sort of decision."""
+    return np.full(2 * PAIRS, FIRST_WEIGHT, np.int32)
 
 
 @cache

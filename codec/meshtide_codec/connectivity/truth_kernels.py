@@ -11,7 +11,7 @@ import numpy as np
 
 from meshtide_codec.compilation import kernel
 from meshtide_codec.connectivity import edge_index_kernels as edge_index
-from meshtide_codec.connectivity.borrowing import borrowing_kernel
+from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.edge_index_kernels import EdgeIndex
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def empty_truth() -> Truth:
     )
 
 
-@borrowing_kernel
+@merged_kernel
 def waiting_entry(truth: Truth, origin: int, target: int) -> int:
     """An entry of a face at the directed edge origin -> target that is not coded yet, or -1."""
     edges = truth.edges
@@ -70,7 +70,7 @@ def waiting_entry(truth: Truth, origin: int, target: int) -> int:
     return -1
 
 
-@borrowing_kernel
+@merged_kernel
 def find_right(truth: Truth, candidates: Candidates, count: int, first: int, second: int) -> bool:
     """Set `candidates.right` for the gate first -> second; returns whether any candidate is right."""
     edges = truth.edges
