@@ -44,6 +44,14 @@ def borrowing_kernel(function: Function) -> Function:
     return _compiled(function, _nrt=False)
 
 
+def merged_kernel(function: Function) -> Function:
+    """Like `borrowing_kernel`, for the steps of the innermost loop: merged into the machine code of each caller.
+
+    A call would copy the descriptions of all arrays of a structure.
+    """
+    return _compiled(function, _nrt=False, forceinline=True)
+
+
 def _compiled(function: Function, **options: Any) -> Function:  # noqa: ANN401 - numba's options
     options |= {"error_model": "numpy", "fastmath": False}
     try:

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from meshtide_codec.compilation import inlined_kernel
+from meshtide_codec.compilation import inlined_kernel, merged_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import merged_kernel
 from meshtide_codec.connectivity.coarse_kernels import APEX_SCAN_LIMIT
 from meshtide_codec.connectivity.edge_index_kernels import first_entry
 

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from meshtide_codec.compilation import inlined_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel, merged_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.candidate_kernels import CLOSINGS, CORNERS, KINDS
 from meshtide_codec.connectivity.mixing_kernels import code_paired_bit
 from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from meshtide_codec.compilation import inlined_kernel, kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel, kernel, merged_kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

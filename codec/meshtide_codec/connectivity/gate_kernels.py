@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from meshtide_codec.compilation import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.candidate_kernels import BLOCKED_ONLY, CLOSINGS, STATES, UNBLOCKED, gather_apexes
 from meshtide_codec.connectivity.decision_kernels import (
     AT_EXTRA_FACE,

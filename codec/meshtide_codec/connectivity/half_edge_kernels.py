@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from meshtide_codec.compilation import inlined_kernel
-from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel, merged_kernel
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from meshtide_codec.compilation import inlined_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel, merged_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.coarse_kernels import SPLIT, CoarseMesh, cover, has_split_apex
 from meshtide_codec.connectivity.edge_index_kernels import is_degenerate
 from meshtide_codec.connectivity.shape_kernels import angle_class, position, squared_distance

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.compilation import inlined_kernel
+from meshtide_codec.compilation import borrowing_kernel, inlined_kernel, merged_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity import shape_kernels as shapes
-from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.candidate_kernels import CORNERS, KINDS
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from meshtide_codec.compilation import inlined_kernel
-from meshtide_codec.connectivity.borrowing import merged_kernel
+from meshtide_codec.compilation import inlined_kernel, merged_kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from meshtide_codec.compilation import kernel
+from meshtide_codec.compilation import borrowing_kernel, kernel, merged_kernel
 from meshtide_codec.connectivity import edge_index_kernels as edge_index
-from meshtide_codec.connectivity.borrowing import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity.edge_index_kernels import EdgeIndex
 
 if TYPE_CHECKING:
