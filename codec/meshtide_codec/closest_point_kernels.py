@@ -1,7 +1,8 @@
 """Kernels of the closest-point search: a tree of boxes over triangles, walked nearest box first.
 
-Triangles are sorted along a Morton curve and cut into leaves of a few; the tree over the leaves is a heap without
-pointers, so it is built in one pass from the leaves up. Distances are those of real points of the triangles, found
+Triangles are sorted along a Morton curve, and the tree halves the curve where its keys' uppermost bit changes, until
+a few triangles are left (Karras, "Maximizing parallelism in the construction of BVHs, octrees, and k-d trees", High
+Performance Graphics 2012, section 3, top down). Distances are those of real points of the triangles, found
 among the interior and the three sides: triangles without area, and points as triangles of one corner, need no case
 of their own. Building is O(m log m), a search O(log m) on surfaces. Plain doubles in a fixed order: the same bits on
 every machine.
@@ -21,11 +22,14 @@ if TYPE_CHECKING:
     from meshtide_codec.compilation import Integer
 
     Points = NDArray[np.float64]
-    Tree = tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]  # vertices, faces along the curve, boxes
-    Found = tuple[float, Integer, float, float]  # squared distance, place of the face, weights of its later corners
+    Tree = tuple[Points, NDArray[np.int32], NDArray[np.int32], Points]  # vertices, faces along the curve, links, boxes
 
 LEAF_SIZE = 2  # triangles: the least time for building and searching together
-STACK_SIZE = 128  # a heap of 2^31 leaves is 32 deep and leaves one box a step behind
+VISITS = 72  # place in the scratch of node numbers where visited nodes are counted
+STACK_SIZE = 72  # the tree is no deeper than a key has bits, and one box a step is left behind
+STAGES = 16  # in which points are visited: whole stages are spread evenly over the surface
+LINK = 0  # of an inner node: its second child, the first one follows it; of a leaf: its first triangle
+COUNT = 1  # of a leaf: its triangles; 0 in inner nodes
 WELL_SHAPED = 1e-10  # (sine of a corner)^2 below which the sides have a say even if the interior seems closest
 
 
@@ -72,29 +76,82 @@ def _middle(vertices: Points, faces: NDArray[np.int32], face: Integer, axis: Int
 
 
 @kernel
-def build_boxes(vertices: Points, faces: NDArray[np.int32]) -> Points:
-    """Boxes (2 leaves, 6) of a heap over `faces` in the order of the curve: node i has the children 2i and 2i + 1.
+def build_tree(
+    vertices: Points, faces: NDArray[np.int32], keys: NDArray[np.uint64]
+) -> tuple[NDArray[np.int32], Points]:
+    """Links (nodes, 2) and boxes (nodes, 6: lowest, highest corner) of the tree over faces in the order of their keys.
 
-    Nodes from `leaves` on are the leaves, LEAF_SIZE triangles each; node 0 is not used.
+    The keys (m,) are strictly increasing, m >= 1. The root is node 0.
     """
-    leaves = (len(faces) + LEAF_SIZE - 1) // LEAF_SIZE
-    boxes = np.empty((2 * leaves, 6))
-    for leaf in range(leaves):
-        node = leaves + leaf
+    links = np.empty((2 * len(faces), 2), np.int32)
+    ranges = np.empty((STACK_SIZE, 3), np.int64)  # first face, end, node that it is the second child of
+    ranges[0, 0] = 0
+    ranges[0, 1] = len(faces)
+    ranges[0, 2] = -1
+    height = 1
+    nodes = 0
+    while height > 0:
+        height -= 1
+        first, end = ranges[height, 0], ranges[height, 1]
+        if ranges[height, 2] >= 0:
+            links[ranges[height, 2], LINK] = nodes
+        if end - first <= LEAF_SIZE:
+            links[nodes, LINK] = first
+            links[nodes, COUNT] = end - first
+        else:
+            middle = _split(keys, first, end)
+            links[nodes, COUNT] = 0
+            ranges[height, 0] = middle
+            ranges[height, 2] = nodes
+            ranges[height + 1, 0] = first
+            ranges[height + 1, 1] = middle
+            ranges[height + 1, 2] = -1
+            height += 2
+        nodes += 1
+    boxes = np.empty((nodes, 6))
+    for node in range(nodes - 1, -1, -1):
+        _enclose(vertices, faces, links, boxes, node)
+    return links[:nodes].copy(), boxes
+
+
+@kernel
+def _split(keys: NDArray[np.uint64], first: Integer, end: Integer) -> Integer:
+    """Where the uppermost bit changes in which the keys of a range differ."""
+    difference = keys[first] ^ keys[end - 1]
+    bit = np.uint64(1)
+    while difference > np.uint64(1):
+        difference >>= np.uint64(1)
+        bit <<= np.uint64(1)
+    low, high = first, end - 1
+    while low < high:
+        middle = (low + high) // 2
+        if keys[middle] & bit:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@kernel
+def _enclose(
+    vertices: Points, faces: NDArray[np.int32], links: NDArray[np.int32], boxes: Points, node: Integer
+) -> None:
+    """Make the box of a node around its triangles, or its children's boxes, which come later in the list."""
+    if links[node, COUNT] == 0:
+        second = links[node, LINK]
         for axis in range(3):
-            low, high = np.inf, -np.inf
-            for face in range(leaf * LEAF_SIZE, min(len(faces), (leaf + 1) * LEAF_SIZE)):
-                for corner in range(3):
-                    coordinate = vertices[faces[face, corner], axis]
-                    low = min(low, coordinate)
-                    high = max(high, coordinate)
-            boxes[node, axis] = low
-            boxes[node, 3 + axis] = high
-    for node in range(leaves - 1, 0, -1):
-        for axis in range(3):
-            boxes[node, axis] = min(boxes[2 * node, axis], boxes[2 * node + 1, axis])
-            boxes[node, 3 + axis] = max(boxes[2 * node, 3 + axis], boxes[2 * node + 1, 3 + axis])
-    return boxes
+            boxes[node, axis] = min(boxes[node + 1, axis], boxes[second, axis])
+            boxes[node, 3 + axis] = max(boxes[node + 1, 3 + axis], boxes[second, 3 + axis])
+        return
+    for axis in range(3):
+        low, high = np.inf, -np.inf
+        for face in range(links[node, LINK], links[node, LINK] + links[node, COUNT]):
+            for corner in range(3):
+                coordinate = vertices[faces[face, corner], axis]
+                low = min(low, coordinate)
+                high = max(high, coordinate)
+        boxes[node, axis] = low
+        boxes[node, 3 + axis] = high
 
 
 @kernel
@@ -109,7 +166,7 @@ def _squared_distance_to_box(boxes: Points, node: Integer, x: float, y: float, z
 def closest_on_triangle(
     vertices: Points, faces: NDArray[np.int32], face: Integer, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """Squared distance of a point to a triangle, and the weights of the second and third corner in its closest point."""
+    """Squared distance of a point to a triangle, and the weights of the last two corners in the closest point."""
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     ax, ay, az = vertices[a, 0], vertices[a, 1], vertices[a, 2]
     bx, by, bz = vertices[b, 0] - ax, vertices[b, 1] - ay, vertices[b, 2] - az
@@ -154,63 +211,50 @@ def closest_on_triangle(
 @kernel
 def _search(
     tree: Tree, x: float, y: float, z: float, hint: Integer, enough: float, nodes: NDArray[np.int64], bounds: Points
-) -> Found:
+) -> tuple[float, Integer, float, float]:
     """The closest triangle, or the first found that is no farther than the square root of `enough`.
 
-    The search begins in the leaf of the triangle at place `hint` and climbs to the root, looking into the siblings on
-    the way that are closer than what was found: short when the hint is near.
+    Args:
+        tree: what to search.
+        x: first coordinate of the point.
+        y: second.
+        z: third.
+        hint: place of a triangle to begin with; the search is short when it is close.
+        enough: squared distance.
+        nodes: scratch of STACK_SIZE + 1; the last element counts visited nodes.
+        bounds: scratch of STACK_SIZE.
+
+    Returns:
+        the squared distance, the triangle's place, the weights of its second and third corner.
     """
-    leaf = len(tree[2]) // 2 + hint // LEAF_SIZE
-    found = _search_below(tree, leaf, x, y, z, (np.inf, hint, 0.0, 0.0), enough, nodes, bounds)
-    while leaf > 1 and found[0] > enough:
-        if _squared_distance_to_box(tree[2], leaf ^ 1, x, y, z) < found[0]:
-            found = _search_below(tree, leaf ^ 1, x, y, z, found, enough, nodes, bounds)
-        leaf >>= 1
-    return found
-
-
-@kernel
-def _search_below(
-    tree: Tree,
-    root: Integer,
-    x: float,
-    y: float,
-    z: float,
-    found: Found,
-    enough: float,
-    nodes: NDArray[np.int64],
-    bounds: Points,
-) -> Found:
-    """The closest triangle below the node `root`, nearest boxes first, or `found` when none is closer."""
-    vertices, faces, boxes = tree
-    leaves = len(boxes) // 2
-    best, place, second, third = found
-    nodes[0] = root
+    vertices, faces, links, boxes = tree
+    place = hint
+    best, second, third = closest_on_triangle(vertices, faces, hint, x, y, z)
+    nodes[0] = 0
     bounds[0] = 0.0
     height = 1
     while height > 0 and best > enough:
         height -= 1
-        node = nodes[height]
         if bounds[height] >= best:
             continue
-        while node < leaves:
-            near, far = 2 * node, 2 * node + 1
-            near_bound = _squared_distance_to_box(boxes, near, x, y, z)
+        node = nodes[height]
+        bound = bounds[height]
+        while links[node, COUNT] == 0 and bound < best:
+            near, far = node + 1, links[node, LINK]
+            nodes[VISITS] += 1
+            bound = _squared_distance_to_box(boxes, near, x, y, z)
             far_bound = _squared_distance_to_box(boxes, far, x, y, z)
-            if far_bound < near_bound:
+            if far_bound < bound:
                 near, far = far, near
-                near_bound, far_bound = far_bound, near_bound
+                bound, far_bound = far_bound, bound
             if far_bound < best:
                 nodes[height] = far
                 bounds[height] = far_bound
                 height += 1
-            if near_bound >= best:
-                break
             node = near
-        if node < leaves:
+        if bound >= best:
             continue
-        first = (node - leaves) * LEAF_SIZE
-        for face in range(first, min(first + LEAF_SIZE, len(faces))):
+        for face in range(links[node, LINK], links[node, LINK] + links[node, COUNT]):
             squared, v, w = closest_on_triangle(vertices, faces, face, x, y, z)
             if squared < best:
                 best, place, second, third = squared, face, v, w
@@ -218,57 +262,77 @@ def _search_below(
 
 
 @kernel
-def closest(tree: Tree, points: Points, squared_distances: Points, places: NDArray[np.int32], weights: Points) -> None:
-    """For each point (k, 3): squared distance, place of the closest triangle, (k, 3) weights of its corners.
+def closest(tree: Tree, points: Points, places: NDArray[np.int32], weights: Points) -> None:
+    """For each point (k, 3): the place of the closest triangle, and the weights (k, 3) of its corners.
 
     Neighbours in space that are neighbours in the list are found fast: each search begins with the last one's result.
     """
-    nodes = np.empty(STACK_SIZE, np.int64)
+    nodes = np.zeros(STACK_SIZE + 1, np.int64)
     bounds = np.empty(STACK_SIZE)
     place = 0
     for point in range(len(points)):
-        squared, place, second, third = _search(
+        _, place, second, third = _search(
             tree, points[point, 0], points[point, 1], points[point, 2], place, 0.0, nodes, bounds
         )
-        squared_distances[point] = squared
         places[point] = place
-        weights[point, 0] = 1.0 - second - third
+        weights[point, 0] = max(0.0, 1.0 - second - third)
         weights[point, 1] = second
         weights[point, 2] = third
 
 
 @kernel
-def total_and_largest(tree: Tree, points: Points) -> tuple[float, float]:
-    """Sum and maximum of the squared distances of points (k, 3)."""
-    nodes = np.empty(STACK_SIZE, np.int64)
+def mean_and_largest(tree: Tree, points: Points, budget: Integer) -> tuple[float, float]:
+    """Mean and maximum of the squared distances of points (k, 3), k >= 1.
+
+    The points are taken in stages, and no further stage is begun once more than `budget` nodes were visited.
+    """
+    nodes = np.zeros(STACK_SIZE + 1, np.int64)
     bounds = np.empty(STACK_SIZE)
-    place = 0
+    place, done = 0, 0
     total, largest = 0.0, 0.0
-    for point in range(len(points)):
-        squared, place, _, _ = _search(
-            tree, points[point, 0], points[point, 1], points[point, 2], place, 0.0, nodes, bounds
-        )
-        total += squared
-        largest = max(largest, squared)
-    return total, largest
+    for stage in range(min(STAGES, len(points))):
+        if nodes[VISITS] > budget:
+            break
+        for point in range(stage, len(points), STAGES):
+            squared, place, _, _ = _search(
+                tree, points[point, 0], points[point, 1], points[point, 2], place, 0.0, nodes, bounds
+            )
+            total += squared
+            largest = max(largest, squared)
+            done += 1
+    return total / done, largest
 
 
 @kernel
-def largest_above(tree: Tree, points: Points, floor: float) -> float:
-    """The largest of `floor` and the squared distances of points (k, 3).
+def largest_above(tree: Tree, points: Points, floor: float, budget: Integer) -> float:
+    """The largest of `floor` and the squared distances of points (k, 3), in stages like `mean_and_largest`.
 
     A search ends as soon as it is clear that the point is not farther than the farthest so far.
     """
-    nodes = np.empty(STACK_SIZE, np.int64)
+    nodes = np.zeros(STACK_SIZE + 1, np.int64)
     bounds = np.empty(STACK_SIZE)
     place = 0
     largest = floor
-    for point in range(len(points)):
-        squared, place, _, _ = _search(
-            tree, points[point, 0], points[point, 1], points[point, 2], place, largest, nodes, bounds
-        )
-        largest = max(largest, squared)
+    for stage in range(STAGES):
+        if nodes[VISITS] > budget:
+            break
+        for point in range(stage, len(points), STAGES):
+            squared, place, _, _ = _search(
+                tree, points[point, 0], points[point, 1], points[point, 2], place, largest, nodes, bounds
+            )
+            largest = max(largest, squared)
     return largest
+
+
+@kernel
+def visits_per_search(tree: Tree, points: Points) -> float:
+    """How many nodes a search visits on average, over points (k, 3), k >= 1."""
+    nodes = np.zeros(STACK_SIZE + 1, np.int64)
+    bounds = np.empty(STACK_SIZE)
+    place = 0
+    for point in range(len(points)):
+        _, place, _, _ = _search(tree, points[point, 0], points[point, 1], points[point, 2], place, 0.0, nodes, bounds)
+    return float(nodes[VISITS] / len(points))
 
 
 @kernel
@@ -288,13 +352,17 @@ def vertices_along(faces: NDArray[np.int32], vertex_count: Integer) -> NDArray[n
 
 
 @kernel
-def sample_triangles(vertices: Points, faces: NDArray[np.int32], numbers: Points) -> Points:
-    """Points (k, 3) on the triangles, evenly by area, in the triangles' order; by count when none has any area.
+def sample_triangles(
+    vertices: Points, faces: NDArray[np.int32], numbers: Points, places: NDArray[np.int32], weights: Points
+) -> None:
+    """Points on the triangles, evenly by area, in the triangles' order; by count when none has any area.
 
     Args:
         vertices: (n, 3).
         faces: (m, 3), m >= 1, indices in range.
         numbers: (3, k) random numbers in [0, 1): the place in the sample's share of area, and two in the triangle.
+        places: (k,), becomes the triangles.
+        weights: (k, 3), becomes the weights of their corners.
     """
     count = numbers.shape[1]
     ends = np.empty(len(faces))
@@ -306,22 +374,28 @@ def sample_triangles(vertices: Points, faces: NDArray[np.int32], numbers: Points
         for face in range(len(faces)):
             ends[face] = face + 1.0
         total = float(len(faces))
-    points = np.empty((count, 3))
     face = 0
     for sample in range(count):
         target = (sample + numbers[0, sample]) * (total / count)
         while face < len(faces) - 1 and ends[face] < target:
             face += 1
         root = np.sqrt(numbers[1, sample])
-        second = root * (1.0 - numbers[2, sample])
-        third = root * numbers[2, sample]
+        places[sample] = face
+        weights[sample, 0] = 1.0 - root
+        weights[sample, 1] = root * (1.0 - numbers[2, sample])
+        weights[sample, 2] = root * numbers[2, sample]
+
+
+@kernel
+def weighted_points(vertices: Points, corners: NDArray[np.int32], weights: Points, points: Points) -> None:
+    """Fill `points` (k, 3) with the weighted sums of the corners (k, 3)."""
+    for point in range(len(corners)):
         for axis in range(3):
-            points[sample, axis] = (
-                (1.0 - root) * vertices[faces[face, 0], axis]
-                + second * vertices[faces[face, 1], axis]
-                + third * vertices[faces[face, 2], axis]
+            points[point, axis] = (
+                weights[point, 0] * vertices[corners[point, 0], axis]
+                + weights[point, 1] * vertices[corners[point, 1], axis]
+                + weights[point, 2] * vertices[corners[point, 2], axis]
             )
-    return points
 
 
 @kernel

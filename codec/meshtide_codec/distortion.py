@@ -58,8 +58,9 @@ class DistortionMeter:
 
     >>> square = np.array([[0.0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]])
     >>> meter = DistortionMeter(square, np.array([[0, 1, 2], [0, 2, 3]]))
-    >>> meter.measure(square + [0, 0, 0.5], np.array([[1, 2, 3], [0, 1, 3]]))  # the diagonal is 5
-    Distortion(rms=0.1, maximum=0.1)
+    >>> found = meter.measure(square + np.array([0, 0, 0.5]), np.array([[1, 2, 3], [0, 1, 3]]))
+    >>> round(found.rms, 12), round(found.maximum, 12)  # the diagonal is 5
+    (0.1, 0.1)
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class DistortionMeter:
             self._centre = low / 2 + high / 2
             self._scale = _diagonal(low, high)
         self._original = TriangleTree(self._scaled(points), faces)
-        self._samples = self._original.samples(samples, seed)
+        self._samples = self._original.samples(samples, seed).points
         self._vertex_limit = vertex_limit
         self._vertices = self._original.used_vertices(vertex_limit)
 
@@ -93,12 +94,12 @@ class DistortionMeter:
             MeshError: the arrays are not a mesh of finite vertices.
         """
         other = TriangleTree(self._scaled(np.asarray(vertices, np.float64)), faces)
-        forth, farthest_forth = other.total_and_largest(self._samples)
-        back, farthest_back = self._original.total_and_largest(other.samples(self._count, self._seed + 1))
+        forth, farthest_forth = other.mean_and_largest(self._samples)
+        back, farthest_back = self._original.mean_and_largest(other.samples(self._count, self._seed + 1).points)
         farthest = max(farthest_forth, farthest_back)
         farthest = self._original.largest(other.used_vertices(self._vertex_limit), farthest)
         farthest = other.largest(self._vertices, farthest)
-        return Distortion(math.sqrt(max(forth, back) / self._count), math.sqrt(farthest))
+        return Distortion(math.sqrt(max(forth, back)), math.sqrt(farthest))
 
     def _scaled(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
         return (vertices - self._centre) / self._scale

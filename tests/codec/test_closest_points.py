@@ -1,0 +1,142 @@
+"""Closest points: against plain distances of every triangle, degenerate triangles, samples, hostile arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+
+from meshes import grid, random_meshes, shapes
+from meshtide_codec.closest_points import TriangleTree
+from meshtide_codec.errors import MeshError
+from meshtide_codec.mesh import Mesh
+
+Points = npt.NDArray[np.float64]
+
+NO_FACES = np.zeros((0, 3), np.int64)
+
+
+def to_segment(points: Points, start: Points, end: Points) -> Points:
+    along = end - start
+    length = along @ along
+    place = np.clip((points - start) @ along / length, 0, 1) if length > 0 else np.zeros(len(points))
+    distances: Points = np.linalg.norm(points - start - place[:, None] * along, axis=1)
+    return distances
+
+
+def to_triangle(points: Points, corners: Points) -> Points:
+    """Distances by another way than the kernel's: the plane where its foot is inside, or else the sides."""
+    a, b, c = corners
+    distances = np.minimum(np.minimum(to_segment(points, a, b), to_segment(points, b, c)), to_segment(points, c, a))
+    normal = np.cross(b - a, c - a)
+    if np.linalg.norm(normal) > 1e-9 * max(np.linalg.norm(b - a), np.linalg.norm(c - a)) ** 2:
+        normal /= np.linalg.norm(normal)
+        heights = (points - a) @ normal
+        feet = points - heights[:, None] * normal
+        inside = np.ones(len(points), bool)
+        for start, end in ((a, b), (b, c), (c, a)):
+            inside &= np.cross(end - start, feet - start) @ normal >= 0
+        distances = np.where(inside, np.minimum(distances, np.abs(heights)), distances)
+    return distances
+
+
+def plain_distances(points: Points, mesh: Mesh) -> Points:
+    faces = mesh.faces if len(mesh.faces) else np.repeat(np.arange(len(mesh.vertices)), 3).reshape(-1, 3)
+    distances: Points = np.min([to_triangle(points, mesh.vertices[face]) for face in faces], axis=0)
+    return distances
+
+
+@settings(deadline=None, max_examples=60)
+@given(random_meshes(20))
+def test_nothing_is_closer_than_what_is_found(mesh: Mesh) -> None:
+    rng = np.random.default_rng(len(mesh.faces))
+    size = max(mesh.diagonal, 1e-30)
+    points = rng.normal(size=(30, 3)) * size + mesh.vertices.mean(axis=0)
+    tree = TriangleTree(mesh.vertices, mesh.faces)
+    found = tree.closest(points)
+    distances = np.linalg.norm(points - found.points, axis=1)
+    assert distances == pytest.approx(plain_distances(points, mesh), rel=1e-6, abs=1e-9 * size)
+    assert (found.weights >= 0).all()
+    assert found.weights.sum(axis=1) == pytest.approx(1)
+    corners = mesh.vertices[found.corners]
+    assert (corners * found.weights[:, :, None]).sum(axis=1) == pytest.approx(found.points, abs=1e-9 * size)
+    mean, largest = tree.mean_and_largest(points)
+    assert mean == pytest.approx((distances**2).mean())
+    assert largest == pytest.approx((distances**2).max())
+    assert tree.largest(points, 0.0) == pytest.approx(largest)
+    assert tree.largest(points, 2 * largest) == 2 * largest
+
+
+@pytest.mark.parametrize("name", shapes())
+def test_points_of_the_mesh_are_on_it(name: str) -> None:
+    mesh = shapes()[name]()
+    tree = TriangleTree(mesh.vertices, mesh.faces)
+    samples = tree.samples(200, seed=4)
+    assert tree.mean_and_largest(samples.points)[1] <= 1e-20 * max(mesh.diagonal, 1) ** 2
+    used = tree.used_vertices(10_000)
+    assert tree.largest(used, 0.0) == 0.0
+    wanted = mesh.referenced().vertices
+    assert sorted(map(tuple, used)) == sorted(map(tuple, wanted))
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_thin_triangles_of_any_size_have_right_distances(scale: float) -> None:
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1e-13, 0], [0, 5, 0]]) * scale
+    faces = np.array([[0, 1, 2], [0, 3, 2], [1, 1, 1], [0, 1, 0]])
+    points = np.array([[3.0, 0, 0], [0.5, 1, 0], [-1, 0, 0], [1, 0, 2], [1.9, -1, 0]]) * scale
+    found = TriangleTree(vertices, faces).closest(points)
+    distances = np.linalg.norm(points - found.points, axis=1)
+    assert distances == pytest.approx(np.array([1, 1, 1, 2, 1]) * scale, rel=1e-9)
+
+
+def test_samples_are_spread_by_area_and_repeat_with_their_seed() -> None:
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [10, 0, 0], [13, 0, 0], [10, 1, 0]])
+    tree = TriangleTree(vertices, np.array([[0, 1, 2], [3, 4, 5]]))
+    samples = tree.samples(4000, seed=7)
+    assert (samples.points[:, 0] < 5).mean() == pytest.approx(1 / 4, abs=0.001)
+    right = samples.points[samples.points[:, 0] > 5]
+    assert right.mean(axis=0) == pytest.approx([11, 1 / 3, 0], abs=0.02)
+    assert (tree.samples(4000, seed=7).points == samples.points).all()
+    assert (tree.samples(4000, seed=8).points != samples.points).any()
+
+
+def test_a_mesh_without_faces_is_its_vertices() -> None:
+    points = np.random.default_rng(5).random((40, 3))
+    tree = TriangleTree(points, NO_FACES)
+    queries = np.random.default_rng(6).random((50, 3))
+    distances = np.linalg.norm(queries - tree.closest(queries).points, axis=1)
+    assert distances == pytest.approx(np.linalg.norm(queries[:, None] - points, axis=2).min(axis=1))
+
+
+def test_too_many_vertices_are_thinned_evenly() -> None:
+    mesh = grid(20)
+    tree = TriangleTree(mesh.vertices, mesh.faces)
+    assert len(tree.used_vertices(400)) == 400
+    assert len(tree.used_vertices(399)) == 200
+    assert len(tree.used_vertices(1)) == 1
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (np.zeros((0, 3)), NO_FACES, "at least one point"),
+        (np.zeros((3, 2)), NO_FACES, r"\(k, 3\)"),
+        (np.array([[0, 0, np.nan]]), NO_FACES, "finite"),
+        (np.zeros((3, 3)), np.array([[0, 1, 3]]), "face 0 names a vertex outside of 0..2"),
+        (np.zeros((3, 3)), np.array([[0, 1, 2], [0, -1, 2]]), "face 1 names"),
+        (np.zeros((3, 3)), np.array([0, 1, 2]), r"\(m, 3\)"),
+        (np.zeros((3, 3)), np.array([[0, 1, 2**40]]), "face 0 names"),
+    ],
+)
+def test_arrays_that_are_no_mesh_are_refused(vertices: Points, faces: npt.NDArray[np.int64], message: str) -> None:
+    with pytest.raises(MeshError, match=message):
+        TriangleTree(vertices, faces)
+
+
+def test_points_to_search_for_must_have_three_finite_coordinates() -> None:
+    tree = TriangleTree(np.zeros((1, 3)), NO_FACES)
+    with pytest.raises(MeshError, match=r"\(k, 3\)"):
+        tree.closest(np.zeros((4, 2)))
+    with pytest.raises(MeshError, match="finite"):
+        tree.largest(np.array([[0.0, np.inf, 0.0]]), 0.0)
