@@ -5,8 +5,8 @@ The names below load what they need on first use, so importing the package costs
 >>> import meshtide_codec
 >>> mesh = meshtide_codec.load_sample("spot")
 >>> encoded = meshtide_codec.encode(mesh)
->>> meshtide_codec.decode(encoded.to_bytes(), level=1)
-Mesh(1613 vertices, 3222 faces)
+>>> meshtide_codec.decode(encoded.to_bytes(), level=6)
+Mesh(2611 vertices, 5218 faces)
 """
 
 from __future__ import annotations

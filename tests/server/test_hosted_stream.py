@@ -24,7 +24,7 @@ def test_a_stream_gives_header_packets_and_ranges(tmp_path: Path) -> None:
     assert stream.size == len(WHOLE)
     with stream.open() as opened:
         for index, packet in enumerate(packets):
-            encoded = packet.to_bytes()
+            encoded = packet.payload
             assert opened.packet_part(index, 0, len(encoded)) == encoded
             assert opened.packet_part(index, 3, 7) == encoded[3:7]
         assert opened.read(0, stream.size) == WHOLE

@@ -17,8 +17,8 @@ from meshtide_codec.compact.display_filter import choose_strength, drawn_positio
 from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.compact.octree import build_octree
 from meshtide_codec.compact.options import PROFILE, CompactHeader, CompactOptions
-from meshtide_codec.compact.preview_choice import choose_previews
-from meshtide_codec.compact.previewing import encode_preview
+from meshtide_codec.compact.previewing import GridPreview, encode_preview
+from meshtide_codec.compact.previews import make_previews
 from meshtide_codec.compact.reliable_coding import NO_FACES, ReliableCoder
 from meshtide_codec.compact.slices import Slices, even_slices
 from meshtide_codec.shown_state import ShownState
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from meshtide_codec.compact.previewing import GridPreview
     from meshtide_codec.quantize import QuantizedMesh
 
 BASE_VERTICES = 256
@@ -70,7 +69,10 @@ class CompactEncoding:
         self._octree = build_octree(quantized.positions, quantized.faces, quantized.bits)
         mirror = find_mirror(quantized.positions, quantized.bits) if options.mirror else None
         report("previews", 0.1)
-        previews = choose_previews(quantized.positions, quantized.faces, quantized.bits, options.previews)
+        previews = [
+            GridPreview(preview.bits, preview.positions, preview.faces)
+            for preview in make_previews(quantized.positions, quantized.faces, quantized.bits, options.previews)
+        ]
         base_depth = self._base_depth(behind_preview=bool(previews))
         slices = self._slices(options.slices)
         report("Diffs", 0.3)
