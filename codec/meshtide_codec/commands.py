@@ -1,4 +1,4 @@
-"""The codec's part of the command `meshtide`: encode, decode, info, sphere.
+"""The codec's part of the command `meshtide`: encode, decode, info, sphere; `compare` comes from `comparison`.
 
 Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
 """
@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from meshtide_codec.comparison.commands import print_report, report_target, written_report
+from meshtide_codec.comparison.commands import register as register_comparison
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,6 +28,7 @@ def register(app: typer.Typer) -> None:
     app.command()(decode)
     app.command()(info)
     app.command()(sphere)
+    register_comparison(app)
 
 
 def encode(
@@ -59,6 +63,10 @@ def encode(
     store_permutation: Annotated[
         bool, typer.Option(help="Store which stream vertex each input vertex became, to restore the input's order.")
     ] = False,
+    report_to: Annotated[
+        Path | None,
+        typer.Option("--report", help="Bytes by layer, and distances: a folder, .png or .html file; - prints only."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Encode a mesh file into a .tide stream.
@@ -88,6 +96,7 @@ def encode(
             "sent_levels": diff_levels,
         },
     )
+    report_files = report_target(report_to, mesh)
     with progress_bar("encode") as progress:
         progress("read", 0.0)
         loaded = load_mesh(mesh, keep_unreferenced=True)
@@ -102,6 +111,9 @@ def encode(
         "welded_vertices": encoded.quantized.welded_vertices,
         "dropped_faces": encoded.quantized.dropped_faces,
     }
+    details = written_report(report_files, mesh, encoded)
+    if details is not None:
+        report |= details.plain()
     if as_json:
         _print_json(report)
         return
@@ -110,6 +122,8 @@ def encode(
         f"left out: {report['unreferenced_vertices']} vertices without a face, {report['welded_vertices']} welded, "
         f"{report['dropped_faces']} faces that became degenerate or repeat another"
     )
+    if details is not None:
+        print_report(details)
     typer.echo(f"{target}: {len(data)} bytes, {report['bits_per_vertex']:.2f} bits per vertex")
 
 

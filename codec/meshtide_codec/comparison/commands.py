@@ -1,0 +1,179 @@
+"""The command `compare`, and what `encode --report` prints and writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from meshtide_codec.comparison.mesh_comparison import MeshComparison
+    from meshtide_codec.comparison.report import StreamReport
+    from meshtide_codec.encoder import EncodedMesh
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(compare)
+
+
+def compare(
+    meshes: Annotated[list[Path], typer.Argument(help="Mesh files, or folders of them.")],
+    bits: Annotated[
+        list[int] | None,
+        typer.Option("-B", "--bits", help="Bits per coordinate; may be repeated.", show_default="12"),
+    ] = None,
+    profile: Annotated[str, typer.Option(help="compact or classic.")] = "compact",
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for CSV and JSON files and a plot of each mesh.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
+) -> None:
+    """Compare meshtide with Draco, and with the ladder of simplified Draco files that shows a mesh coarse to fine.
+
+    Whole files are compared without previews, which no other file has; what previews add is told beside it. Distances
+    are from the quantized input, and the bytes for one are those of the first state within it: nothing is interpolated.
+
+    Example: meshtide compare scans/ --bits 10 --bits 12 --bits 14 --output comparison
+    """
+    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.command_options import profile_options
+    from meshtide_codec.comparison import draco, ladder, plots
+    from meshtide_codec.comparison.extras import check_extras
+    from meshtide_codec.comparison.mesh_comparison import compare_mesh
+    from meshtide_codec.errors import MeshError
+    from meshtide_codec.files import load_mesh
+    from meshtide_codec.samples import load_sample
+
+    options = [profile_options(profile, each, {}, {}) for each in bits or [12]]
+    paths = _mesh_files(meshes)
+    check_extras(draco.LIBRARY, ladder.LIBRARY, *(plots.LIBRARIES if output is not None else ()))
+    if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
+    comparisons: list[MeshComparison] = []
+    refused: dict[str, str] = {}
+    with progress_bar("compare") as progress:
+        progress("loading kernels", 0.0)
+        compare_mesh("spot", load_sample("spot"), options[0])
+        for name, path in paths.items():
+            try:
+                mesh = load_mesh(path)
+                comparisons += [compare_mesh(f"{name}", mesh, each, progress) for each in options]
+            except MeshError as error:
+                refused[name] = str(error)
+    if output is not None:
+        _write_files(comparisons, output)
+    _show(comparisons, refused, as_json=as_json)
+    if not comparisons:
+        raise MeshError("none of the meshes could be compared")
+
+
+def report_target(target: Path | None, mesh: Path) -> list[Path] | None:
+    """The files of `encode --report TARGET`, checked before the work begins; None without a report.
+
+    Raises:
+        OptionError: a file of a kind that a report cannot be.
+        MeshtideError: a library is not installed.
+    """
+    if target is None:
+        return None
+    from meshtide_codec.comparison.report import report_files
+
+    return report_files(target, mesh.stem)
+
+
+def written_report(files: Sequence[Path] | None, mesh: Path, encoded: EncodedMesh) -> StreamReport | None:
+    """The report of a stream, its files written; None without a report."""
+    if files is None:
+        return None
+    from meshtide_codec.comparison.report import StreamReport
+    from meshtide_codec.files import write_atomically
+
+    report = StreamReport(mesh.stem, encoded, files)
+    for path in files:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, report.file(path))
+    return report
+
+
+def print_report(report: StreamReport) -> None:
+    """Print the tables of a report, and where its files are."""
+    from meshtide_codec.command_line import wide_console
+
+    for table in report.tables():
+        wide_console().print(table)
+    for path in report.files:
+        typer.echo(f"report: {path}")
+
+
+def _mesh_files(arguments: Sequence[Path]) -> dict[str, Path]:
+    """Mesh files by a name of their own: the stem, and a number where stems repeat."""
+    from meshtide_codec.errors import OptionError
+    from meshtide_codec.files import is_mesh_path
+
+    paths: list[Path] = []
+    for argument in arguments:
+        if argument.is_dir():
+            found = sorted(path for path in argument.iterdir() if is_mesh_path(path))
+            if not found:
+                raise OptionError(f"there is no mesh file in {argument}")
+            paths += found
+        else:
+            paths.append(argument)
+    named: dict[str, Path] = {}
+    for path in paths:
+        count = 1
+        name = path.stem
+        while name in named:
+            count += 1
+            name = f"{path.stem}-{count}"
+        named[name] = path
+    return named
+
+
+def _write_files(comparisons: Sequence[MeshComparison], output: Path) -> None:
+    import json
+
+    from meshtide_codec.comparison import plots, tables
+    from meshtide_codec.files import write_atomically
+
+    for name, rows in (
+        ("sizes", tables.size_rows(comparisons)),
+        ("targets", tables.target_rows(comparisons)),
+        ("states", tables.state_rows(comparisons)),
+    ):
+        write_atomically(output / f"{name}.csv", tables.csv_text(rows).encode())
+    write_atomically(output / "comparison.json", json.dumps(tables.plain_comparison(comparisons), indent=1).encode())
+    for item in comparisons:
+        title = f"{item.name}: {item.vertices} vertices, B = {item.bits}"
+        size = None if item.draco is None else item.draco.size
+        write_atomically(output / f"{item.name}-{item.bits}.png", plots.comparison_plot(title, item.curves, size))
+
+
+def _show(comparisons: Sequence[MeshComparison], refused: dict[str, str], *, as_json: bool) -> None:
+    import json
+
+    from meshtide_codec.command_line import wide_console
+    from meshtide_codec.comparison import tables
+    from meshtide_codec.comparison.summary import summarize
+
+    if as_json:
+        typer.echo(json.dumps(tables.plain_comparison(comparisons) | {"refused": refused}))
+        return
+    if comparisons:
+        console = wide_console()
+        console.print(tables.size_table(comparisons))
+        console.print(tables.target_table(comparisons))
+        console.print(tables.summary_table(summarize(comparisons)))
+        _print_lines("the ladder needs fewer bytes here:", tables.better_ladder_note(comparisons))
+    problems = [f"{item.name}, B = {item.bits}: {problem}" for item in comparisons for problem in item.problems]
+    _print_lines("not compared:", [*problems, *(f"{name}: {reason}" for name, reason in refused.items())])
+
+
+def _print_lines(title: str, lines: Iterable[str]) -> None:
+    shown = list(lines)
+    if shown:
+        typer.echo("\n  ".join([title, *shown]))

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import pytest
+
+from meshes import grid, shapes
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.comparison.layers import (
+    CELLS,
+    CONN,
+    DIFF,
+    HEADER,
+    LAYERS,
+    MAP,
+    PARAM,
+    PERMUTATION,
+    layer_bytes,
+    totals,
+)
+from meshtide_codec.encoder import Options, encode
+
+
+@pytest.mark.parametrize("name", shapes())
+@pytest.mark.parametrize(
+    "options",
+    [CompactOptions(bits=9, slices=2), ClassicOptions(bits=9, coarsest_vertices=12)],
+    ids=["compact", "classic"],
+)
+def test_every_byte_belongs_to_one_layer(name: str, options: Options) -> None:
+    encoded = encode(shapes()[name](), options)
+    rows = layer_bytes(encoded.header, encoded.packets)
+    assert sum(row.size for row in rows) == sum(totals(rows).values()) == len(encoded.to_bytes())
+    assert {row.layer for row in rows} <= set(LAYERS)
+    assert [row.level for row in rows if row.layer == HEADER] == [None]
+
+
+def test_a_compact_stream_has_maps_faces_and_diffs() -> None:
+    encoded = encode(grid(24), CompactOptions(bits=10, previews=()))
+    rows = layer_bytes(encoded.header, encoded.packets)
+    assert list(totals(rows)) == [HEADER, MAP, CONN, DIFF]
+    by_kind = {entry.kind.label: 0 for entry in encoded.header.packets}
+    for entry in encoded.header.packets:
+        by_kind[entry.kind.label] += entry.length
+    assert totals(rows)[DIFF] == by_kind["Diff"]
+    assert totals(rows)[MAP] + totals(rows)[CONN] == by_kind["Base"] + by_kind["Map&Conn"]
+
+
+def test_a_classic_stream_has_cells_and_filters() -> None:
+    encoded = encode(grid(24), ClassicOptions(bits=10, coarsest_vertices=12), store_permutation=True)
+    assert list(totals(layer_bytes(encoded.header, encoded.packets))) == [
+        HEADER, CELLS, MAP, CONN, PARAM, DIFF, PERMUTATION,
+    ]  # fmt: skip
