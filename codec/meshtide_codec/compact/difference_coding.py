@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from meshtide_codec.compact.octree import Octree
     from meshtide_codec.compact.slices import Slices
 
-SMALL_PACKET = 64
+SMALL_PACKET = 96
 """Bytes below which a bit plane waits for the next one."""
 
 
@@ -73,7 +73,7 @@ def packet_depths(planes: dict[int, list[bytes]], base_depth: int, needed: int) 
         base_depth: no packet ends before this depth.
         needed: the last depth whose bit plane moves any vertex, 0 if none does.
 
-    >>> packet_depths({depth: [bytes(size)] for depth, size in enumerate([0, 9, 90, 0, 0, 20], start=1)}, 2, 6)
+    >>> packet_depths({depth: [bytes(size)] for depth, size in enumerate([0, 9, 99, 0, 0, 20], start=1)}, 2, 6)
     [3, 6]
     """
     depths = []

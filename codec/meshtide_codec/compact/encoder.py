@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 BASE_VERTICES = 256
 """The Base packet holds the deepest level with at most so many vertices,"""
-BASE_SHARE = 24
+BASE_SHARE = 8
 """or, behind a preview, the deepest with at most this fraction of all: the preview is what is looked at."""
 
 

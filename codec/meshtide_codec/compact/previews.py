@@ -39,7 +39,6 @@ FEWEST_VERTICES = 2000
 
 FEWEST_PREVIEW_VERTICES = 8
 FEWEST_BITS = 4
-PROBES = 200  # searches that tell whether the mesh is a surface at all
 TANGLED = 2000  # nodes of the search tree visited for a point: a surface takes about 50
 STEP_PER_DISTANCE = 4.5  # longest step of a preview's grid, in root mean square distances of the fit
 LARGEST_EXCESS = 1.5  # vertices of a preview against those wanted: some meshes cannot be simplified that far
@@ -94,7 +93,7 @@ def make_previews(
     if len(positions) < FEWEST_VERTICES or len(triangles) == 0 or not targets:
         return []
     original = TriangleTree(positions.astype(np.float64), triangles)
-    if original.visits_per_search(original.samples(PROBES, seed=0).points) > TANGLED:
+    if original.visits_per_search(original.samples(1000, seed=0).points) > TANGLED:
         return []
     simplifier = Simplifier(positions, triangles, bits, max(targets.values()))
     previews: list[Preview] = []
