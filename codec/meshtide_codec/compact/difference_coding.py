@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from meshtide_codec.compact.octree import Octree
     from meshtide_codec.compact.slices import Slices
 
-SMALL_PACKET = 96
+SMALL_PACKET = 64
 """Bytes below which a bit plane waits for the next one."""
 
 
