@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 LEAF_SIZE = 2  # triangles: the least time for building and searching together
 VISITS = 72  # place in the scratch of node numbers where visited nodes are counted
 STACK_SIZE = 72  # the tree is no deeper than a key has bits, and one box a step is left behind
-STAGES = 16  # in which points are visited: whole stages are spread evenly over the surface
+PROBES = 32  # searches that tell how long all of them would take
+ORDINARY = 200.0  # visited nodes of a search that is no reason to look at fewer points; on surfaces there are about 50
+VISITS_ALLOWED = 1e7  # nodes visited in all, about a second, before fewer points are looked at
 LINK = 0  # of an inner node: its second child, the first one follows it; of a leaf: its first triangle
 COUNT = 1  # of a leaf: its triangles; 0 in inner nodes
 WELL_SHAPED = 1e-10  # (sine of a corner)^2 below which the sides have a say even if the interior seems closest
@@ -281,31 +283,45 @@ def closest(tree: Tree, points: Points, places: NDArray[np.int32], weights: Poin
 
 
 @kernel
-def mean_and_largest(tree: Tree, points: Points, budget: Integer) -> tuple[float, float]:
-    """Mean and maximum of the squared distances of points (k, 3), k >= 1.
+def visits_per_search(tree: Tree, points: Points) -> float:
+    """How many nodes a search visits, averaged over PROBES of the points (k, 3), k >= 1."""
+    nodes = np.zeros(STACK_SIZE + 1, np.int64)
+    bounds = np.empty(STACK_SIZE)
+    probes = min(PROBES, len(points))
+    for probe in range(probes):
+        point = probe * len(points) // probes
+        _search(tree, points[point, 0], points[point, 1], points[point, 2], 0, 0.0, nodes, bounds)
+    return float(nodes[VISITS] / probes)
 
-    The points are taken in stages, and no further stage is begun once more than `budget` nodes were visited.
-    """
+
+@kernel
+def _stride(tree: Tree, points: Points) -> Integer:
+    """Which of the points to look at: every one, or so many fewer that the search ends in reasonable time."""
+    if len(points) == 0:
+        return 1
+    return 1 + int(visits_per_search(tree, points) * len(points) / max(VISITS_ALLOWED, ORDINARY * len(points)))
+
+
+@kernel
+def mean_and_largest(tree: Tree, points: Points) -> tuple[float, float]:
+    """Mean and maximum of the squared distances of points (k, 3), k >= 1, or of a part, see `_stride`."""
     nodes = np.zeros(STACK_SIZE + 1, np.int64)
     bounds = np.empty(STACK_SIZE)
     place, done = 0, 0
     total, largest = 0.0, 0.0
-    for stage in range(min(STAGES, len(points))):
-        if nodes[VISITS] > budget:
-            break
-        for point in range(stage, len(points), STAGES):
-            squared, place, _, _ = _search(
-                tree, points[point, 0], points[point, 1], points[point, 2], place, 0.0, nodes, bounds
-            )
-            total += squared
-            largest = max(largest, squared)
-            done += 1
+    for point in range(0, len(points), _stride(tree, points)):
+        squared, place, _, _ = _search(
+            tree, points[point, 0], points[point, 1], points[point, 2], place, 0.0, nodes, bounds
+        )
+        total += squared
+        largest = max(largest, squared)
+        done += 1
     return total / done, largest
 
 
 @kernel
-def largest_above(tree: Tree, points: Points, floor: float, budget: Integer) -> float:
-    """The largest of `floor` and the squared distances of points (k, 3), in stages like `mean_and_largest`.
+def largest_above(tree: Tree, points: Points, floor: float) -> float:
+    """The largest of `floor` and the squared distances of points (k, 3), or of a part, see `_stride`.
 
     A search ends as soon as it is clear that the point is not farther than the farthest so far.
     """
@@ -313,26 +329,12 @@ def largest_above(tree: Tree, points: Points, floor: float, budget: Integer) -> 
     bounds = np.empty(STACK_SIZE)
     place = 0
     largest = floor
-    for stage in range(STAGES):
-        if nodes[VISITS] > budget:
-            break
-        for point in range(stage, len(points), STAGES):
-            squared, place, _, _ = _search(
-                tree, points[point, 0], points[point, 1], points[point, 2], place, largest, nodes, bounds
-            )
-            largest = max(largest, squared)
+    for point in range(0, len(points), _stride(tree, points)):
+        squared, place, _, _ = _search(
+            tree, points[point, 0], points[point, 1], points[point, 2], place, largest, nodes, bounds
+        )
+        largest = max(largest, squared)
     return largest
-
-
-@kernel
-def visits_per_search(tree: Tree, points: Points) -> float:
-    """How many nodes a search visits on average, over points (k, 3), k >= 1."""
-    nodes = np.zeros(STACK_SIZE + 1, np.int64)
-    bounds = np.empty(STACK_SIZE)
-    place = 0
-    for point in range(len(points)):
-        _, place, _, _ = _search(tree, points[point, 0], points[point, 1], points[point, 2], place, 0.0, nodes, bounds)
-    return float(nodes[VISITS] / len(points))
 
 
 @kernel

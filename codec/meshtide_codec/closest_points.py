@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 LARGEST_AXIS_BITS = 20  # of the curve that sorts the triangles
-VISIT_BUDGET = 50_000_000  # nodes, about half a second; a million points on a surface take as many
 
 
 class SurfacePoints(NamedTuple):
@@ -74,9 +73,9 @@ class TriangleTree:
         """Mean and maximum of the squared distances of `points` (k, 3), k >= 1, to the mesh.
 
         In a tangle of large triangles that all are near to every point, where searches are slow, only as many points
-        are looked at, spread evenly over the list, as VISIT_BUDGET allows.
+        are looked at, spread evenly over the list, as take reasonable time.
         """
-        mean, largest = kernels.mean_and_largest(self._tree, _checked_points(points), VISIT_BUDGET)
+        mean, largest = kernels.mean_and_largest(self._tree, _checked_points(points))
         return float(mean), float(largest)
 
     def used_vertices(self, limit: int) -> Points:
@@ -91,9 +90,9 @@ class TriangleTree:
     def largest(self, points: Points, floor: float) -> float:
         """The largest of `floor` and the squared distances of `points` (k, 3): faster than to find each of them.
 
-        VISIT_BUDGET holds here, too.
+        In a tangle of large triangles fewer points are looked at, see `mean_and_largest`.
         """
-        return float(kernels.largest_above(self._tree, _checked_points(points), floor, VISIT_BUDGET))
+        return float(kernels.largest_above(self._tree, _checked_points(points), floor))
 
     def visits_per_search(self, points: Points) -> float:
         """How many nodes of the tree a search visits on average: about 50 on surfaces, up to all of them in tangles."""

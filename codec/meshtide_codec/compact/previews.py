@@ -120,7 +120,9 @@ def _checked_faces(positions: Integers, faces: Integers, bits: int, ratios: list
         raise MeshError(f"faces must be an array (m, 3), not of shape {faces.shape}")
     if len(faces) and (int(faces.min()) < 0 or int(faces.max()) >= len(positions)):
         raise MeshError(f"faces must refer to vertices 0..{len(positions) - 1}")
-    return canonical_faces(np.ascontiguousarray(faces, np.int32))
+    triangles: Integers = np.ascontiguousarray(faces, np.int32)
+    a, b, c = triangles.T
+    return triangles[(a != b) & (b != c) & (c != a)]
 
 
 def _fitted_preview(original: TriangleTree, vertices: Points, faces: Integers, bits: int, ratio: int) -> Preview | None:

@@ -41,14 +41,16 @@ class Simplifier:
         owners = _clusters(positions, bits, max(FEWEST_CLUSTERS, CLUSTERS_PER_VERTEX * finest_target))
         count = int(owners.max()) + 1
         vertices = positions.astype(np.float64)
-        _, borders = _edges_and_borders(faces, len(positions))
+        borders = _borders(faces, len(positions))
         quadrics = np.zeros((count, kernels.QUADRIC_SIZE))
         kernels.sum_quadrics(vertices, faces, borders, owners, quadrics)
         middles = _means(vertices, owners, count)
         if count < len(positions):
             kernels.settle(quadrics, middles)
         clustered = canonical_faces(owners[faces])
-        edges, _ = _edges_and_borders(clustered, count)
+        keys = np.sort(_edge_keys(clustered, count))
+        keys = keys[np.r_[True, keys[1:] != keys[:-1]]] if len(keys) else keys
+        edges = np.stack([keys // count, keys % count], axis=1).astype(np.int32)
         heap = HEAP_PER_EDGE * len(edges) + 1
         self._mesh = kernels.Simplification(
             positions=middles,
@@ -94,10 +96,16 @@ def _means(vertices: Points, owners: Integers, count: int) -> Points:
     return np.stack([np.bincount(owners, vertices[:, axis], count) / sizes for axis in range(3)], axis=1)
 
 
-def _edges_and_borders(faces: Integers, count: int) -> tuple[Integers, Integers]:
-    """The edges (e, 2), and the corners (3 face + corner) where a border edge begins: one that has a single face."""
+def _edge_keys(faces: Integers, count: int) -> NDArray[np.int64]:
+    """(3 m,) a number for the edge from each corner to the next: the same for the same two ends."""
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    keys = np.minimum(starts, ends).astype(np.int64) * count + np.maximum(starts, ends)
-    distinct, first, counts = np.unique(keys, return_index=True, return_counts=True)
-    edges = np.stack([distinct // count, distinct % count], axis=1).astype(np.int32)
-    return edges, first[counts == 1].astype(np.int32)
+    keys: NDArray[np.int64] = np.minimum(starts, ends).astype(np.int64) * count + np.maximum(starts, ends)
+    return keys
+
+
+def _borders(faces: Integers, count: int) -> Integers:
+    """The corners (3 face + corner) where a border edge begins: one that has a single face."""
+    keys = _edge_keys(faces, count)
+    order = np.argsort(keys, kind="stable")
+    changes = np.r_[True, np.diff(keys[order]) != 0, True]
+    return order[changes[1:] & changes[:-1]].astype(np.int32)
