@@ -3,8 +3,9 @@ from __future__ import annotations
 import pytest
 
 from comparisons import comparison
+from meshtide_codec.comparison.mesh_comparison import LADDER
 from meshtide_codec.comparison.states import TARGETS
-from meshtide_codec.comparison.summary import ladder_bytes, summarize
+from meshtide_codec.comparison.summary import LADDERS, ladder_bytes, summarize
 
 
 def test_means_are_geometric_and_the_worst_has_a_name() -> None:
@@ -23,13 +24,17 @@ def test_the_better_ladder_counts_for_each_distance() -> None:
     item = comparison("a")
     assert [ladder_bytes(item, target) for target in TARGETS] == [150, 300, 300, 1300, 1300]
     assert ladder_bytes(item, 1e-2) == 150
-    assert ladder_bytes(item, 5.5e-3) == 200
+    assert ladder_bytes(item, 1e-2, LADDER) == ladder_bytes(item, 5.5e-3) == 200
     assert ladder_bytes(item, 1e-6) is None
     assert ladder_bytes(comparison("b", draco=None), 1e-2) is None
     (summary,) = summarize([item, comparison("b", bare=500), comparison("c", draco=None)])
-    first, *_, last = summary.targets
+    assert [(row.target, row.ladder) for row in summary.targets] == [
+        (target, ladder) for target in TARGETS for ladder in LADDERS
+    ]
+    first, better, *_, last = summary.targets
     assert (first.target, first.meshes, first.fewer) == (1e-2, 2, 2)
-    assert first.ratio == pytest.approx(100 / 150)
+    assert first.ratio == pytest.approx(100 / 200)
+    assert better.ratio == pytest.approx(100 / 150)
     assert last.worst == pytest.approx(1000 / 1300)
 
 

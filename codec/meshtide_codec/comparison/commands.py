@@ -167,8 +167,9 @@ def _show(comparisons: Sequence[MeshComparison], refused: dict[str, str], *, as_
         console = wide_console()
         console.print(tables.size_table(comparisons))
         console.print(tables.target_table(comparisons))
-        console.print(tables.summary_table(summarize(comparisons)))
-        _print_lines("the ladder needs fewer bytes here:", tables.better_ladder_note(comparisons))
+        summaries = summarize(comparisons)
+        console.print(tables.summary_table(summaries))
+        console.print(tables.target_summary_table(summaries))
     problems = [f"{item.name}, B = {item.bits}: {problem}" for item in comparisons for problem in item.problems]
     _print_lines("not compared:", [*problems, *(f"{name}: {reason}" for name, reason in refused.items())])
 

@@ -118,10 +118,10 @@ def compare_mesh(
     """
     report = progress or (lambda _stage, _fraction: None)
     report(f"{name}, meshtide", 0.0)
+    bare = len(encode(mesh, replace(options, previews=())).to_bytes()) if isinstance(options, CompactOptions) else None
     encoded, encode_seconds = _timed(lambda: encode(mesh, options), 1)
     data = encoded.to_bytes()
     decoded, decode_seconds = _timed(lambda: decode(data), RUNS)
-    bare = len(encode(mesh, replace(options, previews=())).to_bytes()) if isinstance(options, CompactOptions) else None
     expected = encoded.quantized.mesh()
     report(f"{name}, Draco", 0.4)
     problems: list[str] = []

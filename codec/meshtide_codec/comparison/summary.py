@@ -16,19 +16,26 @@ if TYPE_CHECKING:
     from meshtide_codec.comparison.mesh_comparison import MeshComparison
 
 
+BETTER_LADDER = "better ladder"
+LADDERS = (LADDER, BETTER_LADDER)
+"""The ladder of equal steps, and for each mesh and distance the better of that and the one of fitted steps."""
+
+
 @dataclass(frozen=True, slots=True)
 class TargetSummary:
-    """How the bytes for one distance compare, over the meshes that have a ladder.
+    """How meshtide's bytes for one distance compare with a ladder's, over the meshes that have one.
 
     Args:
         target: RMS distance, as a fraction of the diagonal.
-        ratio: geometric mean of meshtide's bytes against the better ladder's.
+        ladder: which ladder, one of `LADDERS`.
+        ratio: geometric mean of meshtide's bytes against the ladder's.
         worst: the largest of these ratios.
         fewer: meshes for which meshtide needs fewer bytes.
         meshes: of so many.
     """
 
     target: float
+    ladder: str
     ratio: float
     worst: float
     fewer: int
@@ -51,7 +58,7 @@ class Summary:
         decode_speed: the same for decoding.
         draco_encode_speed: Draco's, in the same process.
         draco_decode_speed: Draco's, in the same process.
-        targets: bytes for each distance against the ladder's.
+        targets: bytes for each distance against each ladder's.
     """
 
     bits: int
@@ -76,9 +83,10 @@ def summarize(comparisons: Sequence[MeshComparison]) -> list[Summary]:
     return [_summary(bits, group) for bits, group in by_bits.items()]
 
 
-def ladder_bytes(comparison: MeshComparison, target: float) -> int | None:
-    """Bytes after which the better of the two ladders is within `target`, None if none is."""
-    found = (bytes_for(comparison.curves.get(name, []), target) for name in (LADDER, FITTED_LADDER))
+def ladder_bytes(comparison: MeshComparison, target: float, ladder: str = BETTER_LADDER) -> int | None:
+    """Bytes after which a ladder, one of `LADDERS`, is within `target`; None if it never is."""
+    names = (LADDER,) if ladder == LADDER else (LADDER, FITTED_LADDER)
+    found = (bytes_for(comparison.curves.get(name, []), target) for name in names)
     return min((size for size in found if size is not None), default=None)
 
 
@@ -101,17 +109,22 @@ def _summary(bits: int, group: Sequence[MeshComparison]) -> Summary:
         decode_speed=_geometric_mean(_speed(item.vertices, item.meshtide.decode_seconds) for item in group) or 0.0,
         draco_encode_speed=_geometric_mean(_speed(vertices, file.encode_seconds) for vertices, file in drawn),
         draco_decode_speed=_geometric_mean(_speed(vertices, file.decode_seconds) for vertices, file in drawn),
-        targets=tuple(summary for target in TARGETS if (summary := _target_summary(group, target)) is not None),
+        targets=tuple(
+            summary
+            for target in TARGETS
+            for ladder in LADDERS
+            if (summary := _target_summary(group, target, ladder)) is not None
+        ),
     )
 
 
-def _target_summary(group: Sequence[MeshComparison], target: float) -> TargetSummary | None:
-    pairs = ((bytes_for(item.curves[MESHTIDE], target), ladder_bytes(item, target)) for item in group)
+def _target_summary(group: Sequence[MeshComparison], target: float, ladder: str) -> TargetSummary | None:
+    pairs = ((bytes_for(item.curves[MESHTIDE], target), ladder_bytes(item, target, ladder)) for item in group)
     ratios = [ours / theirs for ours, theirs in pairs if ours is not None and theirs is not None]
     mean = _geometric_mean(ratios)
     if mean is None:
         return None
-    return TargetSummary(target, mean, max(ratios), sum(ratio < 1 for ratio in ratios), len(ratios))
+    return TargetSummary(target, ladder, mean, max(ratios), sum(ratio < 1 for ratio in ratios), len(ratios))
 
 
 def _speed(vertices: int, seconds: float) -> float:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.comparison.mesh_comparison import FITTED_LADDER, LADDER, MESHTIDE
 from meshtide_codec.comparison.states import TARGETS, bytes_for
-from meshtide_codec.comparison.summary import ladder_bytes, summarize
+from meshtide_codec.comparison.summary import LADDERS, summarize
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -127,7 +127,7 @@ def size_table(comparisons: Iterable[MeshComparison]) -> Table:
 def target_table(comparisons: Iterable[MeshComparison]) -> Table:
     """Bytes for each distance: meshtide's, the ladder's, and its with steps fitted to each level."""
     table = _table(
-        "bytes of the first state whose RMS distance is at most ... of the diagonal: meshtide / ladder / fitted steps",
+        "bytes of the first state whose RMS distance is at most ... of the diagonal: meshtide/ladder/fitted steps",
         ["mesh"],
         ["B", *(f"{target:.1e}" for target in TARGETS)],
     )
@@ -135,7 +135,7 @@ def target_table(comparisons: Iterable[MeshComparison]) -> Table:
         cells = []
         for target in TARGETS:
             sizes = [bytes_for(item.curves.get(name, []), target) for name in (MESHTIDE, LADDER, FITTED_LADDER)]
-            cells.append(" / ".join(NOTHING if size is None else str(size) for size in sizes))
+            cells.append("/".join(NOTHING if size is None else str(size) for size in sizes))
         table.add_row(item.name, str(item.bits), *cells)
     return table
 
@@ -146,7 +146,7 @@ def summary_table(summaries: Sequence[Summary]) -> Table:
     rows = {
         "meshes": [str(item.meshes) for item in summaries],
         "file without previews / Draco, geometric mean": [_figure(item.ratio) for item in summaries],
-        "the worst mesh": [f"{_figure(item.worst)} ({item.worst_mesh})" for item in summaries],
+        "the worst mesh": [f"{_figure(item.worst)} ({item.worst_mesh or 'none'})" for item in summaries],
         "stream with previews / Draco, geometric mean": [_figure(item.ratio_with_previews) for item in summaries],
         "previews, bits per vertex": [f"{item.preview_bits_per_vertex:.2f}" for item in summaries],
         "encode, vertices/s": [_rounded(item.encode_speed) for item in summaries],
@@ -156,29 +156,29 @@ def summary_table(summaries: Sequence[Summary]) -> Table:
     }
     for name, cells in rows.items():
         table.add_row(name, *cells)
-    table.add_section()
-    for target in TARGETS:
-        cells = []
-        for item in summaries:
-            found = next((row for row in item.targets if row.target == target), None)
-            cells.append(
-                NOTHING
-                if found is None
-                else f"{found.ratio:.2f}, worst {found.worst:.2f}, fewer bytes in {found.fewer} of {found.meshes}"
-            )
-        table.add_row(f"bytes for RMS {target:.1e} / better ladder", *cells)
     return table
 
 
-def better_ladder_note(comparisons: Iterable[MeshComparison]) -> list[str]:
-    """A line for each mesh and distance at which a ladder needs fewer bytes than meshtide."""
-    lines = []
-    for item in comparisons:
+def target_summary_table(summaries: Iterable[Summary]) -> Table:
+    """Bytes for each distance against the ladder's, over all meshes."""
+    table = _table(
+        "meshtide's bytes for an RMS distance / those of the ladder, and of the better of both ladders",
+        [],
+        ["B", "RMS"],
+        *([ladder, "worst", "fewer bytes in"] for ladder in LADDERS),
+    )
+    for summary in summaries:
         for target in TARGETS:
-            ours, theirs = bytes_for(item.curves[MESHTIDE], target), ladder_bytes(item, target)
-            if theirs is not None and (ours is None or theirs < ours):
-                lines.append(f"{item.name}, B = {item.bits}: RMS {target:.1e} after {ours} bytes, ladder {theirs}")
-    return lines
+            cells = []
+            for ladder in LADDERS:
+                found = next((row for row in summary.targets if (row.target, row.ladder) == (target, ladder)), None)
+                cells += (
+                    [NOTHING] * 3
+                    if found is None
+                    else [f"{found.ratio:.2f}", f"{found.worst:.2f}", f"{found.fewer} of {found.meshes}"]
+                )
+            table.add_row(str(summary.bits), f"{target:.1e}", *cells)
+    return table
 
 
 def _table(title: str, left: Sequence[str], *right: Sequence[str]) -> Table:
@@ -190,7 +190,7 @@ def _table(title: str, left: Sequence[str], *right: Sequence[str]) -> Table:
         table.add_column(column, no_wrap=True)
     for columns in right:
         for column in columns:
-            table.add_column(column, justify="right", no_wrap=True)
+            table.add_column(column, justify="right", overflow="fold")
     return table
 
 
