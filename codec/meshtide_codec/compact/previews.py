@@ -2,11 +2,11 @@
 
 The mesh is simplified (`simplification`), its vertices are fitted to the original surface (`refit`), then rounded to
 a coarse grid over the same cube, with the fit going on among the grid's points. A preview is coded like any mesh, on
-its own: about 19 to 22 bits for each of its vertices. What it shows is measured by the encoder like any level.
+its own: 15 to 23 bits for each of its vertices on surfaces, 30 on meshes of many parts. What it shows is measured by the encoder like any level.
 
 Vertices and bits go together: one more bit per coordinate lengthens a preview by a sixth, as a sixth more vertices
 do, which bring the surface closer by as much. Measured on scans and machine parts, that much is lost to rounding
-where a step of the grid is about four times the root mean square distance of the fit, so the grid is the coarsest
+where a step of the grid is about six times the root mean square distance of the fit, so the grid is the coarsest
 whose step is no longer than that.
 """
 
@@ -40,7 +40,7 @@ FEWEST_VERTICES = 2000
 FEWEST_PREVIEW_VERTICES = 8
 FEWEST_BITS = 4
 TANGLED = 2000  # nodes of the search tree visited for a point: a surface takes about 50
-STEP_PER_DISTANCE = 4.5  # longest step of a preview's grid, in root mean square distances of the fit
+STEP_PER_DISTANCE = 6.5  # longest step of a preview's grid, in root mean square distances of the fit
 LARGEST_EXCESS = 1.5  # vertices of a preview against those wanted: some meshes cannot be simplified that far
 OCTREE_DISTANCE = 0.35  # root mean square distance that an octree level shows, in sides of its cells
 
@@ -122,7 +122,8 @@ def _checked_faces(positions: Integers, faces: Integers, bits: int, ratios: list
         raise MeshError(f"faces must refer to vertices 0..{len(positions) - 1}")
     triangles: Integers = np.ascontiguousarray(faces, np.int32)
     a, b, c = triangles.T
-    return triangles[(a != b) & (b != c) & (c != a)]
+    proper: Integers = triangles[(a != b) & (b != c) & (c != a)]
+    return proper
 
 
 def _fitted_preview(original: TriangleTree, vertices: Points, faces: Integers, bits: int, ratio: int) -> Preview | None:
@@ -144,7 +145,7 @@ def grid_bits(distance: float, bits: int) -> int:
     """Depth of the coarsest grid that suits a preview whose fit is `distance` steps of the grid of depth `bits` away.
 
     >>> grid_bits(5.3, 12), grid_bits(17.4, 12), grid_bits(0.0, 12)
-    (8, 6, 12)
+    (7, 6, 12)
     """
     for depth in range(FEWEST_BITS, bits):
         if grid_steps(bits) / grid_steps(depth) <= STEP_PER_DISTANCE * distance:
