@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from meshtide_codec import closest_point_kernels as kernels
+from meshtide_codec import surface_sample_kernels
 from meshtide_codec.errors import MeshError
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class TriangleTree:
 
         j is the smallest number that leaves no more than `limit`.
         """
-        order = kernels.vertices_along(self.faces, len(self.vertices))
+        order = surface_sample_kernels.vertices_along(self.faces, len(self.vertices))
         stride = max(1, -(-len(order) // limit))
         return self.vertices[order[::stride]]
 
@@ -103,13 +104,13 @@ class TriangleTree:
         numbers = np.random.Generator(np.random.PCG64(seed)).random((3, count))
         places = np.empty(count, np.int32)
         weights = np.empty((count, 3))
-        kernels.sample_triangles(self.vertices, self.faces, numbers, places, weights)
+        surface_sample_kernels.sample_triangles(self.vertices, self.faces, numbers, places, weights)
         return self._surface_points(places, weights)
 
     def _surface_points(self, places: NDArray[np.int32], weights: Points) -> SurfacePoints:
         corners = self.faces[places]
         points = np.empty(weights.shape)
-        kernels.weighted_points(self.vertices, corners, weights, points)
+        surface_sample_kernels.weighted_points(self.vertices, corners, weights, points)
         return SurfacePoints(points, corners, weights)
 
 

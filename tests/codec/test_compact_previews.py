@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -112,13 +114,16 @@ def test_the_same_mesh_has_the_same_previews_on_any_number_of_threads() -> None:
         "for preview in previews_of(quantize(bumpy_sphere(), 10), (64,)):\n"
         "    print(preview.bits, hashlib.sha256(preview.positions.tobytes() + preview.faces.tobytes()).hexdigest())\n"
     )
-    folder = str(__import__("pathlib").Path(__file__).parent)
+    folder = Path(__file__).parent
     digests = set()
     for threads in ("1", "2"):
-        environment = dict(__import__("os").environ)
-        environment |= {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads}
+        environment = os.environ | {
+            "OMP_NUM_THREADS": threads,
+            "OPENBLAS_NUM_THREADS": threads,
+            "NUMBA_NUM_THREADS": threads,
+        }
         done = subprocess.run(
-            [sys.executable, "-c", script, folder, str(__import__("pathlib").Path(folder).parent)],
+            [sys.executable, "-c", script, str(folder), str(folder.parent)],
             env=environment,
             capture_output=True,
             text=True,

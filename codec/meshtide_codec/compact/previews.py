@@ -2,7 +2,8 @@
 
 The mesh is simplified (`simplification`), its vertices are fitted to the original surface (`refit`), then rounded to
 a coarse grid over the same cube, with the fit going on among the grid's points. A preview is coded like any mesh, on
-its own: 15 to 23 bits for each of its vertices on surfaces, 30 on meshes of many parts. What it shows is measured by the encoder like any level.
+its own: 15 to 23 bits for each of its vertices on surfaces, 30 on meshes of many parts. What it shows is measured by
+the encoder like any level.
 
 Vertices and bits go together: one more bit per coordinate lengthens a preview by a sixth, as a sixth more vertices
 do, which bring the surface closer by as much. Measured on scans and machine parts, that much is lost to rounding

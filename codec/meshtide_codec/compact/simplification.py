@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.compact import simplification_kernels as kernels
+from meshtide_codec.compact.quadric_kernels import QUADRIC_SIZE, settle, sum_quadrics
 from meshtide_codec.mesh import canonical_faces
 from meshtide_codec.quantize import morton_codes
 
@@ -42,11 +43,11 @@ class Simplifier:
         count = int(owners.max()) + 1
         vertices = positions.astype(np.float64)
         borders = _borders(faces, len(positions))
-        quadrics = np.zeros((count, kernels.QUADRIC_SIZE))
-        kernels.sum_quadrics(vertices, faces, borders, owners, quadrics)
+        quadrics = np.zeros((count, QUADRIC_SIZE))
+        sum_quadrics(vertices, faces, borders, owners, quadrics)
         middles = _means(vertices, owners, count)
         if count < len(positions):
-            kernels.settle(quadrics, middles)
+            settle(quadrics, middles)
         clustered = canonical_faces(owners[faces])
         keys = np.sort(_edge_keys(clustered, count))
         keys = keys[np.r_[True, keys[1:] != keys[:-1]]] if len(keys) else keys
@@ -64,7 +65,7 @@ class Simplifier:
             marks=np.zeros(count, np.int64),
             costs=np.empty(heap),
             entries=np.empty((heap, 4), np.int32),
-            sum_of_two=np.empty(kernels.QUADRIC_SIZE),
+            sum_of_two=np.empty(QUADRIC_SIZE),
             progress=np.zeros(kernels.PROGRESS_SIZE, np.int64),
         )
         kernels.prepare(self._mesh, edges)
@@ -107,5 +108,8 @@ def _borders(faces: Integers, count: int) -> Integers:
     """The corners (3 face + corner) where a border edge begins: one that has a single face."""
     keys = _edge_keys(faces, count)
     order = np.argsort(keys, kind="stable")
-    changes = np.r_[True, np.diff(keys[order]) != 0, True]
-    return order[changes[1:] & changes[:-1]].astype(np.int32)
+    repeated = np.diff(keys[order]) == 0
+    single = np.ones(len(keys), bool)
+    single[1:] &= ~repeated
+    single[:-1] &= ~repeated
+    return order[single].astype(np.int32)
