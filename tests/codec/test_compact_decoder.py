@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from meshes import grid, random_meshes, shapes
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, decode
-from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.encoder import DISTANCE_SAMPLES, DISTANCE_VERTICES, EncodedMesh, encode
 from meshtide_codec.errors import ContainerError, LimitError, MeshtideError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
@@ -98,7 +98,9 @@ def test_what_the_encoder_measured_is_what_the_decoder_draws() -> None:
     from meshtide_codec.stream.header import stored_distance
 
     exact = encoded.quantized
-    meter = DistortionMeter(exact.positions.astype(float), exact.faces)
+    meter = DistortionMeter(
+        exact.positions.astype(float), exact.faces, samples=DISTANCE_SAMPLES, vertex_limit=DISTANCE_VERTICES
+    )
     for count, packet in enumerate(encoded.packets, 1):
         decoder.push(packet)
         if count in rows and rows[count].rms > 0:

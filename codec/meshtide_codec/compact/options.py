@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.compact.mirror import Mirror
+from meshtide_codec.compact.previews import DEFAULT_RATIOS
 from meshtide_codec.compact.slices import Slices
 from meshtide_codec.errors import ContainerError, OptionError
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 PROFILE = "compact"
 MAXIMUM_SLICES = 4096
 MAXIMUM_PREVIEWS = 8
-DEFAULT_PREVIEWS = (256, 64)
+DEFAULT_PREVIEWS = DEFAULT_RATIOS
 
 
 @dataclass(frozen=True)
