@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.mesh import Mesh
@@ -26,6 +27,16 @@ def bowl() -> Mesh:
     return Mesh.checked(np.stack([8 * u, 8 * v, height], axis=-1).reshape(-1, 3), np.concatenate([lower, upper]))
 
 
+def dome() -> Mesh:
+    """A smooth hill of 21 x 21 vertices, which the display filter does good to."""
+    u, v = np.meshgrid(np.arange(21), np.arange(21), indexing="ij")
+    height = 1000 - 7 * (u - 10) ** 2 - 3 * (v - 10) ** 2
+    corner = (u * 21 + v)[:-1, :-1].reshape(-1)
+    lower = np.stack([corner, corner + 21, corner + 1], axis=1)
+    upper = np.stack([corner + 1, corner + 21, corner + 22], axis=1)
+    return Mesh.checked(np.stack([63 * u, 71 * v, height], axis=-1).reshape(-1, 3), np.concatenate([lower, upper]))
+
+
 def tangle() -> Mesh:
     """Triangles without any order: non-manifold edges, opposite faces, isolated and welded vertices."""
     step = np.arange(120)
@@ -34,10 +45,36 @@ def tangle() -> Mesh:
     return Mesh.checked(np.concatenate([vertices, vertices[:9]]), np.concatenate([faces, faces[:20, ::-1]]))
 
 
+def twins() -> Mesh:
+    """The tangle and its mirror image across x, with some faces between the two."""
+    one = tangle()
+    count = len(one.vertices)
+    vertices = np.concatenate([one.vertices, one.vertices * [-1, 1, 1] + [140, 0, 0]])
+    step = np.arange(0, count, 5)
+    between = np.stack([step, step + 1, step + count], axis=1)
+    return Mesh.checked(vertices, np.concatenate([one.faces, one.faces[:, ::-1] + count, between]))
+
+
+def scattered(seed: int) -> Mesh:
+    """A small soup of triangles between points that follow each other without order."""
+    numbers = [seed]
+    for _ in range(900):
+        numbers.append((numbers[-1] * 1103515245 + 12345) % (1 << 31))  # the C standard's example of a generator
+    drawn = np.array(numbers[1:]) >> 12
+    count = 20 + 7 * seed
+    vertices = drawn[: 3 * count].reshape(-1, 3) % (8 << seed)
+    corners = drawn[3 * count : 3 * count + 120 + 30 * seed].reshape(-1, 3) % count
+    return Mesh.checked(vertices, corners)
+
+
 def _variant(make: Callable[[], Mesh], spec: FilterSpec, **options: object) -> Callable[[], EncodedMesh]:
     return partial(
         lambda: encode(make(), ClassicOptions(bits=8, coarsest_vertices=10, filter=spec, **options))  # type: ignore[arg-type]
     )
+
+
+def _compact(make: Callable[[], Mesh], **options: int) -> Callable[[], EncodedMesh]:
+    return partial(lambda: encode(make(), CompactOptions(bits=8, **options)))  # type: ignore[arg-type]
 
 
 POWER = FilterSpec("polynomial", degree=3, basis="power")
@@ -56,4 +93,13 @@ VARIANTS: dict[str, Callable[[], EncodedMesh]] = {
     "classic-bowl-rational": _variant(bowl, FilterSpec("rational", degree=1, denominator_degree=1)),
     "classic-bowl-k2": _variant(bowl, POWER, drop_bits=2),
     "classic-tangle-power": _variant(tangle, POWER),
+    "compact-bowl": _compact(bowl),
+    "compact-bowl-plain": _compact(bowl, mirror=False),
+    "compact-bowl-slices": _compact(bowl, slices=3),
+    "compact-dome": _compact(dome),
+    "compact-tangle": _compact(tangle),
+    "compact-tangle-slices": _compact(tangle, slices=3),
+    "compact-twins": _compact(twins),
+    "compact-twins-slices": _compact(twins, slices=3),
+    **{f"compact-scattered-{seed}": _compact(partial(scattered, seed)) for seed in range(1, 6)},
 }

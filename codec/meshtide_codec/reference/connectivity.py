@@ -1,0 +1,73 @@
+"""The faces of a level, given the coarser level that it collapses to (docs/format.md, section 9)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from meshtide_codec.errors import MapConnError
+from meshtide_codec.reference.faces_choices import Choices
+from meshtide_codec.reference.faces_coarse import CoarseMesh
+from meshtide_codec.reference.faces_extra import ExtraFaces
+from meshtide_codec.reference.faces_gates import Gates
+from meshtide_codec.reference.faces_growth import Growth
+from meshtide_codec.reference.faces_spelt import SpeltFaces
+from meshtide_codec.reference.range_decoder import RangeDecoder
+from meshtide_codec.reference.trained_states import connectivity_states
+
+if TYPE_CHECKING:
+    from meshtide_codec.reference.octree import Cell, Face
+
+
+def decode_faces(
+    payload: bytes,
+    parents: list[int],
+    coarse_faces: list[Face],
+    coarse_count: int,
+    face_count: int,
+    positions: list[Cell] | None,
+) -> list[Face]:
+    """The faces, each with its smallest corner first, in lexicographic order.
+
+    Args:
+        payload: of the faces.
+        parents: coarse vertex of each fine vertex, never falling.
+        coarse_faces: faces of the coarse level.
+        coarse_count: its number of vertices.
+        face_count: number of fine faces, announced.
+        positions: centres of the fine vertices' cells in half cells; None in profile classic.
+
+    Raises:
+        MapConnError, PacketError: the payload is damaged.
+    """
+    if face_count == 0 and not payload:
+        return []
+    neurons, scores = connectivity_states(geometric=positions is not None)
+    coarse = CoarseMesh(parents, coarse_faces, coarse_count)
+    decoder = RangeDecoder(payload)
+    growth = Growth(coarse, face_count, positions, scores, Choices(decoder, neurons))
+    _traverse(growth)
+    decoder.finish()
+    faces = sorted(_rotated(face) for face in growth.fine.faces)
+    if len(faces) != face_count or len(set(faces)) != face_count:
+        raise MapConnError("faces repeat, or are not as many as announced; the stream is damaged")
+    return faces
+
+
+def _traverse(growth: Growth) -> None:
+    """Gates first; when none is left an extra face, a seed or a leftover, which may make gates again."""
+    gates, extra, spelt = Gates(growth), ExtraFaces(growth), SpeltFaces(growth)
+    gates.decode()
+    while not growth.complete:
+        added = (
+            (not growth.clean and extra.decode_one())
+            or spelt.decode_seed()
+            or (not growth.clean and spelt.decode_leftover())
+        )
+        if not added:
+            raise MapConnError("faces are missing at the end of the traversal; the stream is damaged")
+        gates.decode()
+
+
+def _rotated(face: Face) -> Face:
+    a, b, c = face
+    return min((a, b, c), (b, c, a), (c, a, b))

@@ -1,0 +1,52 @@
+"""Base and Map&Conn of profile compact: Maps and faces, coarse to fine (docs/format.md, section 8.2)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from meshtide_codec.reference.connectivity import decode_faces
+from meshtide_codec.reference.container import read_number, split_parts
+from meshtide_codec.reference.map_decoding import decode_map
+from meshtide_codec.reference.octree import Level, deepened, root
+from meshtide_codec.reference.trained_states import geometry_neurons
+
+if TYPE_CHECKING:
+    from meshtide_codec.reference.mirror import Mirror
+
+
+class ReliableDecoder:
+    """Base and Map&Conn, coarse to fine; the states of the Maps are carried along."""
+
+    def __init__(self, bits: int, mirror: Mirror | None) -> None:
+        self._bits = bits
+        self._mirror = mirror
+        self._neurons = geometry_neurons("map")
+
+    def base(self, payload: bytes, base_depth: int, vertices: int) -> list[Level]:
+        """The levels of the depths 0 to `base_depth`."""
+        levels = [root(vertices)]
+        if vertices == 1:
+            for _ in range(base_depth):
+                levels.append(deepened(levels[-1]))
+            return levels
+        position = 0
+        face_counts = []
+        for _ in range(base_depth):
+            count, position = read_number(payload, position)
+            face_counts.append(count)
+        parts = split_parts(payload[position:], 2 * base_depth)
+        for depth in range(1, base_depth + 1):
+            levels.append(self._next(parts[2 * depth - 2], parts[2 * depth - 1], levels[-1], face_counts[depth - 1]))
+        return levels
+
+    def map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
+        """The level of the next depth."""
+        map_part, face_part = split_parts(payload, 2)
+        return self._next(map_part, face_part, coarse, face_count)
+
+    def _next(self, map_part: bytes, face_part: bytes, coarse: Level, face_count: int) -> Level:
+        images = self._mirror.images(coarse) if self._mirror else None
+        fine = decode_map(map_part, coarse, self._bits, self._neurons, images)
+        centres = [fine.centre(vertex) for vertex in range(len(fine))]
+        fine.set_faces(decode_faces(face_part, fine.parents, coarse.faces, len(coarse), face_count, centres))
+        return fine

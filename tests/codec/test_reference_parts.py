@@ -1,0 +1,104 @@
+"""Parts of the reference decoder that streams of the tests seldom reach, against the kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshtide_codec.compact import quantizers, ring_kernels
+from meshtide_codec.compact.cell_table_kernels import ABSENT, build_cell_table, find_cell
+from meshtide_codec.connectivity import decode_faces, encode_faces, score_kernels, shape_kernels
+from meshtide_codec.entropy import codec, mixing_kernels, model_kernels, range_coder_kernels
+from meshtide_codec.errors import PacketError
+from meshtide_codec.mesh import canonical_faces
+from meshtide_codec.reference import class_tables, faces_scores, faces_shapes, mixing
+from meshtide_codec.reference.connectivity import decode_faces as reference_faces
+from meshtide_codec.reference.mirror import CellTable
+from meshtide_codec.reference.models import Contexts
+from meshtide_codec.reference.octree import NOBODY, rings_of
+from meshtide_codec.reference.range_decoder import RangeDecoder
+
+
+def test_tables_are_the_same() -> None:
+    assert mixing_kernels.STRETCH.tolist() == mixing.STRETCH
+    assert mixing_kernels.SQUASH.tolist() == mixing.SQUASH
+    assert score_kernels.WEIGHTS.tolist() == faces_scores.WEIGHTS
+    assert shape_kernels.ANGLE_CLASSES.tolist() == faces_shapes.ANGLE_CLASSES
+    assert shape_kernels.LENGTH_CLASSES.tolist() == faces_shapes.LENGTH_CLASSES
+    steps = [index / quantizers.STEPS for index in range(quantizers.LOGARITHM_ENTRIES)]
+    assert [class_tables.error_class(step) for step in steps] == quantizers.half_octave_classes(24, 12).tolist()
+    for count, twice_knee in ((4, 2), (10, 3), (16, 2)):
+        classes = class_tables.SaturatingClasses(count, twice_knee)
+        assert [classes(step) for step in steps[:512]] == quantizers.saturating_classes(count, twice_knee).tolist()
+
+
+def test_integers() -> None:
+    values = [0, 1, 2, 3, 77, 1 << 20, (1 << 31) - 1, -1, -5, -(1 << 31) + 1]
+
+    def write(coder: range_coder_kernels.Coder, buffer: range_coder_kernels.Buffer) -> None:
+        contexts = model_kernels.new_contexts(model_kernels.SIGNED_CONTEXTS)
+        for value in values * 30:
+            model_kernels.code_signed(coder, buffer, contexts, 0, value)
+        range_coder_kernels.code_raw_bits(coder, buffer, 13, 4567)
+
+    decoder = RangeDecoder(codec.encoded(write))
+    contexts = Contexts.fresh(model_kernels.SIGNED_CONTEXTS)
+    assert [contexts.signed(decoder, 0) for _ in range(30 * len(values))] == values * 30
+    assert decoder.raw_bits(13) == 4567
+    decoder.finish()
+
+
+def test_an_integer_that_never_ends_is_refused() -> None:
+    with pytest.raises(PacketError, match="longer than any encoder writes"):
+        Contexts.fresh(model_kernels.SIGNED_CONTEXTS).signed(RangeDecoder(b""), 0)
+
+
+def test_rings_of_tangled_faces() -> None:
+    generator = np.random.default_rng(4)
+    faces = canonical_faces(generator.integers(0, 30, (600, 3)).astype(np.int32))
+    starts, members, closed = ring_kernels.order_rings(faces, 30)
+    across = ring_kernels.find_across((starts, members, closed))
+    rings = rings_of([(a, b, c) for a, b, c in faces.tolist()], 30)
+    assert [member for ring in rings for member in ring.members] == members.tolist()
+    assert [ring.closed for ring in rings] == closed.astype(bool).tolist()
+    assert [place for ring in rings for place in ring.across] == across.tolist()
+    assert max(len(ring.members) for ring in rings) > ring_kernels.RING_LIMIT
+    assert any(place != NOBODY for ring in rings for place in ring.across)
+
+
+def test_crowded_cell_tables_leave_out_the_same_cells() -> None:
+    """Cells whose x and y scatter alike crowd the same places."""
+    step = np.arange(1, 400)
+    cells = np.stack([step * 4096, step * 0, step * 0], axis=1).astype(np.int32)
+    table = build_cell_table(cells, np.ones(len(cells), np.uint8))
+    expected = [find_cell(table, *cell) for cell in cells.tolist()]
+    entries = [((x, y, z), place) for place, (x, y, z) in enumerate(cells.tolist())]
+    reference = CellTable(entries)
+    found = [reference.find(cell) for cell, _ in entries]
+    assert [ABSENT if place is None else place for place in found] == expected
+    assert ABSENT in expected
+
+
+@pytest.mark.parametrize("geometric", [False, True])
+def test_faces_of_large_families(geometric: bool) -> None:
+    """Families beyond the lists' capacity, edges of many faces, and vertices of many half-edges."""
+    generator = np.random.default_rng(8)
+    count = 700
+    fan = np.stack([np.zeros(300), np.arange(1, 301), np.arange(2, 302)], axis=1)
+    book = np.stack([np.full(70, 5), np.full(70, 600), np.arange(610, 680)], axis=1)
+    loose = generator.integers(0, count, (60, 3))
+    faces = canonical_faces(np.concatenate([fan, book, loose]).astype(np.int32))
+    parents = np.sort(np.concatenate([[0, 1, 2], generator.integers(0, 3, count - 3)])).astype(np.int32)
+    coarse_faces = canonical_faces(parents[faces])
+    positions = generator.integers(0, 999, (count, 3)).astype(np.int32) if geometric else None
+    payload = encode_faces(faces, parents, coarse_faces, 3, positions)
+    expected = decode_faces(payload, parents, coarse_faces, 3, len(faces), positions)
+    found = reference_faces(
+        payload,
+        parents.tolist(),
+        [(a, b, c) for a, b, c in coarse_faces.tolist()],
+        3,
+        len(faces),
+        None if positions is None else [(x, y, z) for x, y, z in positions.tolist()],
+    )
+    assert np.array_equal(np.array(found), expected)
