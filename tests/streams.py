@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from hypothesis import strategies as st
 
 from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.errors import LimitError, MeshtideError, PacketError
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
 from meshtide_codec.stream.packets import Packet, PacketKind
@@ -19,6 +23,33 @@ def encoded_grid(side: int = 16, degree: int = 2) -> EncodedMesh:
     """A small mesh with several levels."""
     spec = FilterSpec("polynomial", degree=degree)
     return encode(grid(side), ClassicOptions(bits=8, coarsest_vertices=12, filter=spec))
+
+
+def feed_with_one_damaged(encoded: EncodedMesh, data: st.DataObject) -> None:
+    """Push a stream into a decoder, one payload damaged behind a right checksum, as a stranger could send it.
+
+    Whatever comes out is a mesh, or an error of the tree that a decoder's caller expects.
+    """
+    victim = data.draw(st.integers(0, len(encoded.packets) - 1))
+    payload = bytearray(encoded.packets[victim].payload)
+    kind = data.draw(st.sampled_from(["flip", "cut", "junk"]))
+    if kind == "junk":
+        payload = bytearray(data.draw(st.binary(max_size=60)))
+    elif payload and kind == "flip":
+        payload[data.draw(st.integers(0, len(payload) - 1))] ^= data.draw(st.integers(1, 255))
+    elif payload:
+        del payload[data.draw(st.integers(0, len(payload) - 1)) :]
+    decoder = Decoder(encoded.header)
+    for index, packet in enumerate(encoded.packets):
+        try:
+            decoder.push(replace(packet, payload=bytes(payload)) if index == victim else packet)
+        except MeshtideError as error:
+            assert isinstance(error, PacketError | LimitError)
+            return
+        if decoder.finest is not None:
+            mesh = decoder.mesh(decoder.finest)
+            assert np.isfinite(mesh.vertices).all()
+            assert mesh.faces.size == 0 or mesh.faces.max() < len(mesh.vertices)
 
 
 class MadeUpStream:

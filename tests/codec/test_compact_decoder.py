@@ -12,10 +12,11 @@ from meshes import grid, random_meshes, shapes
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, decode
 from meshtide_codec.encoder import DISTANCE_SAMPLES, DISTANCE_VERTICES, EncodedMesh, encode
-from meshtide_codec.errors import ContainerError, LimitError, MeshtideError, PacketError
+from meshtide_codec.errors import ContainerError, LimitError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.stream.packets import Packet, PacketKind
+from streams import feed_with_one_damaged
 
 
 @cache
@@ -208,28 +209,7 @@ def test_headers_that_make_no_sense_are_refused() -> None:
 @given(st.data())
 @settings(max_examples=80)
 def test_hostile_payloads_with_right_framing_raise_from_the_tree_only(data: st.DataObject) -> None:
-    encoded = encoded_patch(slices=2)
-    victim = data.draw(st.integers(0, len(encoded.packets) - 1))
-    payload = bytearray(encoded.packets[victim].payload)
-    kind = data.draw(st.sampled_from(["flip", "cut", "junk"]))
-    if kind == "junk":
-        payload = bytearray(data.draw(st.binary(max_size=60)))
-    elif payload and kind == "flip":
-        payload[data.draw(st.integers(0, len(payload) - 1))] ^= data.draw(st.integers(1, 255))
-    elif payload:
-        del payload[data.draw(st.integers(0, len(payload) - 1)) :]
-    decoder = Decoder(encoded.header)
-    for index, packet in enumerate(encoded.packets):
-        try:
-            decoder.push(replace(packet, payload=bytes(payload)) if index == victim else packet)
-        except MeshtideError as error:
-            assert isinstance(error, PacketError | LimitError)
-            break
-        finest = decoder.finest
-        if finest is not None:
-            mesh = decoder.mesh(finest)
-            assert np.isfinite(mesh.vertices).all()
-            assert mesh.faces.size == 0 or mesh.faces.max() < len(mesh.vertices)
+    feed_with_one_damaged(encoded_patch(slices=2), data)
 
 
 def test_a_map_that_claims_more_children_than_the_header_has_vertices_stops() -> None:

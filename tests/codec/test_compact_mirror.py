@@ -48,7 +48,8 @@ def test_a_random_cloud_has_none(seed: int) -> None:
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_the_smallest_meshes_are_no_trouble(count: int) -> None:
-    find_mirror(cloud(1, count, 16), 4)
+    mirror = find_mirror(cloud(1, count, 16), 4)
+    assert mirror is None or mirror.bits == 4
 
 
 @pytest.mark.parametrize(
