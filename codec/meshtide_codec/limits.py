@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 
 from meshtide_codec.errors import LimitError, OptionError
 
-DECODER_BYTES_PER_VERTEX = 320
-DECODER_BYTES_PER_FACE = 200
+DECODER_BYTES_PER_VERTEX = 640
+DECODER_BYTES_PER_FACE = 256
 """Upper estimates of a decoder's working memory (arrays of the finest level, its coarser levels and the coders'
 own tables), used to refuse a header before anything is allocated; measured by tests/bench/memory.py."""
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import tracemalloc
+from contextlib import suppress
 from dataclasses import replace
 from itertools import permutations
 
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 
 from meshes import grid, random_meshes, shapes
 from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, LevelUpdate, decode
 from meshtide_codec.distortion import distortion
 from meshtide_codec.encoder import EncodedMesh, encode
@@ -250,3 +253,29 @@ def test_headers_that_make_no_sense_are_refused() -> None:
 @settings(max_examples=80)
 def test_hostile_payloads_with_right_framing_raise_from_the_tree_only(data: st.DataObject) -> None:
     feed_with_one_damaged(encoded_grid(10), data)
+
+
+@pytest.mark.parametrize("profile", [ClassicOptions(bits=10, coarsest_vertices=40), CompactOptions(bits=10)], ids=repr)
+@given(st.data())
+@settings(max_examples=25)
+def test_a_hostile_stream_takes_no_more_memory_than_the_limit(
+    profile: ClassicOptions | CompactOptions, data: st.DataObject
+) -> None:
+    """The header claims as much as the limit allows, and the payloads are junk or belong to a smaller mesh."""
+    encoded = encode(grid(20), profile)
+    limits = Limits(memory=40_000_000)
+    count = data.draw(st.integers(1, 30))
+    rows = [replace(row, vertices=1000 * count, faces=400 * count) for row in encoded.header.levels]
+    header = replace(encoded.header, levels=tuple(rows))
+    tracemalloc.start()
+    try:
+        decoder = Decoder(header, limits)
+        for packet in encoded.packets:
+            junk = data.draw(st.one_of(st.none(), st.binary(max_size=50)))
+            with suppress(PacketError, LimitError):
+                decoder.push(packet if junk is None else replace(packet, payload=junk))
+            if decoder.finest is not None:
+                decoder.mesh(decoder.finest)
+        assert tracemalloc.get_traced_memory()[1] < limits.memory
+    finally:
+        tracemalloc.stop()
