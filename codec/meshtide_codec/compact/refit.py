@@ -67,7 +67,7 @@ class Refitter:
         """
         grid = np.clip(np.rint(vertices / step), 0, last).astype(np.int32)
         for _ in range(ROUNDING_ROUNDS):
-            rows = self._rows(grid * step)
+            rows = self._rows(grid.astype(np.float64) * step)
             kernels.round_to_grid(rows, vertices, grid, step, last, self._stiffness, ROUNDING_PASSES)
         return grid
 

@@ -157,7 +157,7 @@ def round_to_grid(
     """
     starts, slots = rows_of_vertices(rows, len(grid))
     values = np.empty(len(rows.targets))
-    residuals(rows, grid * step, values)
+    residuals(rows, grid.astype(np.float64) * step, values)
     hessian = np.empty(6)
     for _ in range(rounds):
         moved = 0

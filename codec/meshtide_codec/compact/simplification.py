@@ -86,8 +86,8 @@ def _clusters(positions: Integers, bits: int, fewest: int) -> Integers:
         shift = np.uint64(3 * (bits - depth))
         prefixes = sorted_codes >> shift
         if np.count_nonzero(prefixes[1:] != prefixes[:-1]) + 1 >= fewest:
-            owners = np.unique(codes >> shift, return_inverse=True)[1]
-            return owners.astype(np.int32)
+            owners: Integers = np.unique(codes >> shift, return_inverse=True)[1].astype(np.int32)
+            return owners
     return np.arange(len(positions), dtype=np.int32)
 
 

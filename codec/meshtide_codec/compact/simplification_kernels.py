@@ -227,7 +227,7 @@ def _merge(mesh: Simplification, u: Integer, v: Integer, x: float, y: float, z: 
 def _drop_dead(mesh: Simplification, vertex: Integer) -> None:
     """Take dead faces out of the vertex' list; vertices that are left without faces go out of use."""
     slot = mesh.first[vertex]
-    kept = NONE
+    kept: Integer = NONE
     while slot != NONE:
         mesh.progress[WORK] += 1
         following = mesh.following[slot]
