@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import zlib
+from importlib import resources
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -30,6 +34,23 @@ def test_tables_are_the_same() -> None:
     for count, twice_knee in ((4, 2), (10, 3), (16, 2)):
         classes = class_tables.SaturatingClasses(count, twice_knee)
         assert [classes(step) for step in steps[:512]] == quantizers.saturating_classes(count, twice_knee).tolist()
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        "compact/geometry_states.npz",
+        "connectivity/tables/with_positions.npz",
+        "connectivity/tables/without_positions.npz",
+    ],
+)
+def test_the_document_describes_the_tables_that_are_shipped(file: str) -> None:
+    document = (Path(__file__).parents[2] / "docs" / "format.md").read_text()
+    with (resources.files("meshtide_codec") / file).open("rb") as opened, np.load(opened) as arrays:
+        described = {name: array for name, array in arrays.items() if array.dtype.kind in "iu"}
+    for name, array in described.items():
+        checksum = zlib.crc32(array.astype(array.dtype.newbyteorder("<")).tobytes())
+        assert f"| `{file}` | `{name}` | {len(array)} | {array.dtype} | {checksum:08x} |" in document
 
 
 def test_integers() -> None:
