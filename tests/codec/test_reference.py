@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from golden_streams import VARIANTS, bowl
+from golden_streams import VARIANTS, bowl, tangle
 from meshes import random_meshes, tetrahedron
 from meshtide_codec.compact import previews
 from meshtide_codec.compact.options import CompactOptions
@@ -18,7 +18,7 @@ from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import ContainerError, PacketError, StreamError
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.reference import reference_decode
+from meshtide_codec.reference import reference_decode, reference_permutation
 from meshtide_codec.stream.container import read_container
 
 
@@ -59,6 +59,14 @@ def test_random_meshes(mesh: Mesh) -> None:
     expected, found = decode(data), reference_decode(data)
     assert np.array_equal(found.vertices, expected.vertices)
     assert np.array_equal(found.faces, expected.faces)
+
+
+def test_the_order_of_the_input() -> None:
+    encoded = encode(tangle(), CompactOptions(bits=8), store_permutation=True)
+    data = encoded.to_bytes()
+    assert reference_permutation(data) == encoded.quantized.permutation.tolist()
+    assert reference_permutation(encode(tangle()).to_bytes()) is None
+    assert np.array_equal(reference_decode(data).faces, decode(data).faces)
 
 
 def test_a_level_that_is_not_there() -> None:

@@ -6,5 +6,6 @@ so for every thousand vertices.
 """
 
 from meshtide_codec.reference.decoder import reference_decode
+from meshtide_codec.reference.permutation import reference_permutation
 
-__all__ = ["reference_decode"]
+__all__ = ["reference_decode", "reference_permutation"]
