@@ -25,7 +25,7 @@ def encoded_grid(side: int = 16, degree: int = 2) -> EncodedMesh:
     return encode(grid(side), ClassicOptions(bits=8, coarsest_vertices=12, filter=spec))
 
 
-def feed_with_one_damaged(encoded: EncodedMesh, data: st.DataObject) -> None:
+def check_with_one_damaged_packet(encoded: EncodedMesh, data: st.DataObject) -> None:
     """Push a stream into a decoder, one payload damaged behind a right checksum, as a stranger could send it.
 
     Whatever comes out is a mesh, or an error of the tree that a decoder's caller expects.

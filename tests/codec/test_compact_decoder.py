@@ -16,7 +16,7 @@ from meshtide_codec.errors import ContainerError, LimitError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.stream.packets import Packet, PacketKind
-from streams import feed_with_one_damaged
+from streams import check_with_one_damaged_packet
 
 
 @cache
@@ -209,7 +209,7 @@ def test_headers_that_make_no_sense_are_refused() -> None:
 @given(st.data())
 @settings(max_examples=80)
 def test_hostile_payloads_with_right_framing_raise_from_the_tree_only(data: st.DataObject) -> None:
-    feed_with_one_damaged(encoded_patch(slices=2), data)
+    check_with_one_damaged_packet(encoded_patch(slices=2), data)
 
 
 def test_a_map_that_claims_more_children_than_the_header_has_vertices_stops() -> None:

@@ -27,7 +27,7 @@ def canonical(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.array(sorted(kept), np.int32).reshape(-1, 3)
 
 
-def round_trip(
+def checked_round_trip(
     faces: NDArray[np.int32], parents: NDArray[np.int32], positions: NDArray[np.int32] | None = None
 ) -> bytes:
     faces = canonical(faces)
@@ -71,7 +71,7 @@ def test_any_triangle_set_round_trips(
     level: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]], geometric: bool
 ) -> None:
     faces, parents, positions = level
-    round_trip(faces, parents, positions if geometric else None)
+    checked_round_trip(faces, parents, positions if geometric else None)
 
 
 @pytest.mark.parametrize("geometric", [False, True])
@@ -94,12 +94,12 @@ def test_any_triangle_set_round_trips(
 def test_small_cases(faces: list[list[int]], sizes: list[int], geometric: bool) -> None:
     parents = families(sizes)
     positions = np.random.default_rng(1).integers(0, 9, (len(parents), 3)).astype(np.int32)
-    round_trip(np.array(faces, np.int32).reshape(-1, 3), parents, positions if geometric else None)
+    checked_round_trip(np.array(faces, np.int32).reshape(-1, 3), parents, positions if geometric else None)
 
 
 def test_faces_without_split_corners_cost_nothing() -> None:
     faces = grid(20, 20)
-    assert round_trip(faces, np.arange(400, dtype=np.int32)) == b""
+    assert checked_round_trip(faces, np.arange(400, dtype=np.int32)) == b""
 
 
 def test_input_order_and_rotation_do_not_matter() -> None:
@@ -124,8 +124,8 @@ def test_positions_help() -> None:
     faces = rank[faces].astype(np.int32)
     parents = np.unique(cells[order], axis=0, return_inverse=True)[1].ravel().astype(np.int32)
     positions = np.column_stack([place[order], np.zeros(1600, int)]).astype(np.int32)
-    with_positions = round_trip(faces, parents, positions)
-    without = round_trip(faces, parents)
+    with_positions = checked_round_trip(faces, parents, positions)
+    without = checked_round_trip(faces, parents)
     assert len(with_positions) < 0.6 * len(without)
 
 
@@ -138,7 +138,7 @@ def test_huge_family_and_huge_valence(geometric: bool) -> None:
     parents = np.zeros(count, np.int32)
     angles = np.arange(count)
     positions = np.stack([angles, angles**2 % 1000, angles % 7], axis=1).astype(np.int32)
-    round_trip(faces, parents, positions if geometric else None)
+    checked_round_trip(faces, parents, positions if geometric else None)
 
 
 def test_huge_fan_over_a_fan() -> None:
@@ -146,15 +146,15 @@ def test_huge_fan_over_a_fan() -> None:
     count = 20000
     rim = np.arange(2, count)
     faces = np.stack([rim % 2, rim, np.roll(rim, -1)], axis=1).astype(np.int32)
-    round_trip(faces, families([2, *[1] * (count - 2)]))
+    checked_round_trip(faces, families([2, *[1] * (count - 2)]))
 
 
 def test_many_faces_at_one_edge() -> None:
     count = 3000
     apexes = np.arange(2, count)
     faces = np.stack([np.zeros_like(apexes), np.ones_like(apexes), apexes], axis=1).astype(np.int32)
-    round_trip(faces, np.zeros(count, np.int32))
-    round_trip(faces, families([1, 1, *[2] * ((count - 2) // 2)]))
+    checked_round_trip(faces, np.zeros(count, np.int32))
+    checked_round_trip(faces, families([1, 1, *[2] * ((count - 2) // 2)]))
 
 
 def sample() -> tuple[bytes, NDArray[np.int32], NDArray[np.int32], int, int]:
@@ -271,5 +271,5 @@ def test_exact_bytes(geometric: bool, expected: str) -> None:
     """The payload is part of the format: if this changes, old streams cannot be read."""
     places = np.arange(36)
     positions = np.stack([places // 6 * 4, places % 6 * 4, places % 5], axis=1).astype(np.int32)
-    payload = round_trip(GOLDEN_FACES, families([3] * 12), positions if geometric else None)
+    payload = checked_round_trip(GOLDEN_FACES, families([3] * 12), positions if geometric else None)
     assert payload.hex() == expected

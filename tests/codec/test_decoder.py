@@ -21,7 +21,7 @@ from meshtide_codec.filters import FilterSpec
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.stream.packets import Packet, PacketKind
-from streams import encoded_grid, feed_with_one_damaged
+from streams import check_with_one_damaged_packet, encoded_grid
 
 SPECS = [
     FilterSpec("zeroth"),
@@ -252,7 +252,7 @@ def test_headers_that_make_no_sense_are_refused() -> None:
 @given(st.data())
 @settings(max_examples=80)
 def test_hostile_payloads_with_right_framing_raise_from_the_tree_only(data: st.DataObject) -> None:
-    feed_with_one_damaged(encoded_grid(10), data)
+    check_with_one_damaged_packet(encoded_grid(10), data)
 
 
 @pytest.mark.parametrize("profile", [ClassicOptions(bits=10, coarsest_vertices=40), CompactOptions(bits=10)], ids=repr)

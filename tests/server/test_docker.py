@@ -70,7 +70,7 @@ def test_nothing_names_another_host() -> None:
     assert re.fullmatch(r"[a-z]+", image)
     for path in FOLDER.iterdir():
         text = path.read_text()
-        assert "index-url" not in text, path.name
+        assert "--index" not in text, path.name
         hosts = set(re.findall(r"https?://([^/:\s'\"]+)", text))
         assert hosts <= {"127.0.0.1"}, path.name
 
