@@ -113,11 +113,6 @@ class MeshAddress:
         return self._url("ws", "/stream")
 
     @property
-    def description_url(self) -> str:
-        """Where the server describes it."""
-        return self._url("http", "")
-
-    @property
     def file_stem(self) -> str:
         """Its id as the stem of a file name: no separators, no leading dots.
 

@@ -6,24 +6,14 @@ import sys
 from typing import TYPE_CHECKING
 
 import pytest
-import typer
-from typer.testing import CliRunner
 
+from command_runner import meshtide
 from meshes import grid
-from meshtide_codec import commands
 from meshtide_codec.errors import MeshError, MeshtideError, OptionError
 from meshtide_codec.files import save_mesh
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from click.testing import Result
-
-
-def meshtide(*arguments: object) -> Result:
-    app = typer.Typer()
-    commands.register(app)
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=True)
 
 
 @pytest.fixture

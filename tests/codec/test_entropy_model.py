@@ -21,7 +21,6 @@ from meshtide_codec.entropy.model_kernels import (
     UNSIGNED_CONTEXTS,
     code_adaptive_bit,
     code_signed,
-    code_symbol,
     code_unsigned,
     new_contexts,
 )
@@ -67,10 +66,6 @@ def unsigned(coder: Coder, buffer: Buffer, contexts: Contexts, value: int) -> in
 
 def signed(coder: Coder, buffer: Buffer, contexts: Contexts, value: int) -> int:
     return code_signed(coder, buffer, contexts, 0, value)
-
-
-def symbol(coder: Coder, buffer: Buffer, contexts: Contexts, value: int) -> int:
-    return code_symbol(coder, buffer, contexts, 0, 5, value)
 
 
 def test_fresh_contexts_are_even() -> None:
@@ -119,7 +114,6 @@ EXACT_BYTES = {
         SIGNED_CONTEXTS,
         "935012f25300012effffff92aa394481c0",
     ),
-    "symbol": (symbol, [0, 31, 5, 5, 5, 17], 32, "f80eed20"),
 }
 
 
@@ -140,11 +134,6 @@ def test_unsigned_round_trip(values: list[int]) -> None:
 def test_signed_round_trip(values: list[int]) -> None:
     payload = written(signed, values, SIGNED_CONTEXTS)
     assert read(payload, signed, len(values), SIGNED_CONTEXTS) == values
-
-
-@given(st.lists(st.integers(0, 31), max_size=60))
-def test_symbols_round_trip(values: list[int]) -> None:
-    assert read(written(symbol, values, 32), symbol, len(values), 32) == values
 
 
 @given(st.binary(max_size=60))

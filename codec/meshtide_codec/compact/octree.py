@@ -80,10 +80,8 @@ def build_octree(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: i
     return Octree(bits, np.ascontiguousarray(positions, np.int32), levels, first_vertices)
 
 
-def _checked_codes(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -> NDArray[np.int64]:
-    """Morton codes of the positions, after checking everything that the octree relies on."""
-    if not SMALLEST_BITS <= bits <= LARGEST_B:
-        raise OptionError(f"the octree's depth must be {SMALLEST_BITS} to {LARGEST_B}, not {bits}")
+def check_grid_mesh(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -> None:
+    """Raise MeshError unless positions (n, 3) lie in [0, 2^bits) and faces (m, 3) refer to them."""
     if positions.ndim != 2 or positions.shape[1] != 3 or len(positions) == 0:
         raise MeshError(f"positions must be an array (n, 3) of at least one vertex, not of shape {positions.shape}")
     if int(positions.min()) < 0 or int(positions.max()) >= 1 << bits:
@@ -92,6 +90,13 @@ def _checked_codes(positions: NDArray[np.int32], faces: NDArray[np.int32], bits:
         raise MeshError(f"faces must be an array (m, 3), not of shape {faces.shape}")
     if len(faces) and (int(faces.min()) < 0 or int(faces.max()) >= len(positions)):
         raise MeshError(f"faces must refer to vertices 0..{len(positions) - 1}")
+
+
+def _checked_codes(positions: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -> NDArray[np.int64]:
+    """Morton codes of the positions, after checking everything that the octree relies on."""
+    if not SMALLEST_BITS <= bits <= LARGEST_B:
+        raise OptionError(f"the octree's depth must be {SMALLEST_BITS} to {LARGEST_B}, not {bits}")
+    check_grid_mesh(positions, faces, bits)
     codes = morton_codes(positions).astype(np.int64)
     if (codes[1:] <= codes[:-1]).any():
         raise MeshError("positions must be pairwise different and in Morton order; weld and sort them first")

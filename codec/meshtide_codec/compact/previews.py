@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from meshtide_codec.closest_points import TriangleTree
+from meshtide_codec.compact.octree import check_grid_mesh
 from meshtide_codec.compact.refit import Refitter
 from meshtide_codec.compact.simplification import Simplifier
-from meshtide_codec.errors import MeshError, OptionError
+from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh import canonical_faces
 from meshtide_codec.quantize import LARGEST_B, grid_steps, morton_codes
 
@@ -114,14 +115,7 @@ def _checked_faces(positions: Integers, faces: Integers, bits: int, ratios: list
         raise OptionError(f"the grid's depth must be 1 to {LARGEST_B}, not {bits}")
     if ratios and ratios[0] < 2:
         raise OptionError(f"a preview must have fewer vertices than the mesh: ratio {ratios[0]} is less than 2")
-    if positions.ndim != 2 or positions.shape[1] != 3 or len(positions) == 0:
-        raise MeshError(f"positions must be an array (n, 3) of at least one vertex, not of shape {positions.shape}")
-    if int(positions.min()) < 0 or int(positions.max()) >= 1 << bits:
-        raise MeshError(f"positions must be in 0..{(1 << bits) - 1}; quantize the mesh first")
-    if faces.ndim != 2 or faces.shape[1] != 3:
-        raise MeshError(f"faces must be an array (m, 3), not of shape {faces.shape}")
-    if len(faces) and (int(faces.min()) < 0 or int(faces.max()) >= len(positions)):
-        raise MeshError(f"faces must refer to vertices 0..{len(positions) - 1}")
+    check_grid_mesh(positions, faces, bits)
     triangles: Integers = np.ascontiguousarray(faces, np.int32)
     a, b, c = triangles.T
     proper: Integers = triangles[(a != b) & (b != c) & (c != a)]

@@ -61,17 +61,6 @@ def code_adaptive_bit(coder: Coder, buffer: Buffer, contexts: Contexts, index: I
 
 
 @kernel
-def code_symbol(
-    coder: Coder, buffer: Buffer, contexts: Contexts, base: Integer, bits: Integer, symbol: Integer
-) -> Integer:
-    """Code one of 2^bits symbols by a binary tree of contexts; takes 2^bits contexts from `base` on."""
-    node = 1
-    for place in range(bits - 1, -1, -1):
-        node = (node << 1) | code_adaptive_bit(coder, buffer, contexts, base + node, (symbol >> place) & 1)
-    return node - (1 << bits)
-
-
-@kernel
 def code_unsigned(coder: Coder, buffer: Buffer, contexts: Contexts, base: Integer, value: Integer) -> Integer:
     """Code an integer in [0, 2^32 - 2]; takes UNSIGNED_CONTEXTS contexts from `base` on.
 

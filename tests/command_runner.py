@@ -1,0 +1,20 @@
+"""The codec's commands, run inside of the test process."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+from typer.testing import CliRunner
+
+from meshtide_codec import commands
+
+if TYPE_CHECKING:
+    from click.testing import Result
+
+
+def meshtide(*arguments: object) -> Result:
+    """What a command answers; an error that it raises is its `exception`."""
+    app = typer.Typer()
+    commands.register(app)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=True)
