@@ -160,9 +160,9 @@ def decode(
         for done, packet in enumerate(wanted):
             progress("packets", done / len(wanted))
             decoder.push(packet)
-        if decoder.finest is None:
+        shown = level if decoder.is_available(level) else decoder.best
+        if shown is None:
             raise problem or OptionError("the stream holds no whole level")
-        shown = max(level, decoder.finest)
         mesh = decoder.mesh(shown)
         if input_order:
             if decoder.permutation is None or shown != 0:

@@ -164,6 +164,17 @@ def test_a_cut_off_file_is_refused_or_gives_its_best_level(stream_file: Path, tm
     assert isinstance(meshtide("decode", cut, "--partial").exception, TruncatedError)
 
 
+def test_a_file_cut_off_behind_its_previews_gives_the_best_of_them(tmp_path: Path) -> None:
+    save_mesh(grid(64), tmp_path / "patch.ply")
+    report = json.loads(meshtide("encode", tmp_path / "patch.ply", "--previews", "256,64", "--json").stdout)
+    after_base = report["levels"][2]
+    assert after_base["rms"] > report["levels"][1]["rms"]
+    whole = (tmp_path / "patch.tide").read_bytes()
+    (tmp_path / "cut.tide").write_bytes(whole[: after_base["cumulative_bytes"]])
+    answer = json.loads(meshtide("decode", tmp_path / "cut.tide", "--partial", "--json").stdout)
+    assert answer["level"] == report["levels"][1]["level"]
+
+
 def test_files_that_are_not_what_is_asked_for(stream_file: Path, mesh_file: Path) -> None:
     assert isinstance(meshtide("decode", mesh_file).exception, StreamError)
     assert isinstance(meshtide("encode", stream_file).exception, MeshFileError)

@@ -39,7 +39,6 @@ class CompactDecoder:
     """
 
     def __init__(self, header: StreamHeader, limits: Limits) -> None:
-        self._header = header
         self._limits = limits
         self._bits = header.bits
         self._options = CompactHeader.from_options(header.options, header.bits)
