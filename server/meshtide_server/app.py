@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 from fastapi import FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
+from meshtide_server.access import Access
 from meshtide_server.library import Library
 from meshtide_server.problems import handle_problems
 from meshtide_server.routes import program_version, router
+from meshtide_server.routes_tickets import router as tickets_router
 from meshtide_server.streaming import Streams
 
 if TYPE_CHECKING:
@@ -34,13 +36,16 @@ def create_app(settings: Settings) -> FastAPI:
 
     Args:
         settings: what to host and how.
+
+    Raises:
+        OptionError: tokens that cannot be used.
     """
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         library = Library(settings)
         app.state.library = library
-        app.state.streams = Streams(library, settings)
+        app.state.streams = Streams(library, settings, app.state.access)
         await library.start()
         try:
             yield
@@ -49,8 +54,11 @@ def create_app(settings: Settings) -> FastAPI:
             await library.stop()
 
     app = FastAPI(title="meshtide", version=program_version(), description=DESCRIPTION, lifespan=lifespan)
+    app.state.settings = settings
+    app.state.access = Access(settings)
     handle_problems(app)
     app.include_router(router)
+    app.include_router(tickets_router)
     if settings.allowed_origins:
         app.add_middleware(
             CORSMiddleware,

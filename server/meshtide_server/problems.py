@@ -34,6 +34,14 @@ class RefusedError(MeshtideError):
         self.retry_after = retry_after
         super().__init__(message)
 
+    @property
+    def headers(self) -> dict[str, str]:
+        """Headers of the HTTP answer."""
+        headers = {} if self.retry_after is None else {"Retry-After": str(self.retry_after)}
+        if self.status == HTTPStatus.UNAUTHORIZED:
+            headers["WWW-Authenticate"] = 'Bearer realm="meshtide"'
+        return headers
+
 
 def problem_response(status: int, code: str, message: str, headers: dict[str, str] | None = None) -> JSONResponse:
     """The answer that says what is wrong."""
@@ -45,8 +53,7 @@ def handle_problems(app: FastAPI) -> None:
 
     async def refused(_: Request, error: Exception) -> Response:
         assert isinstance(error, RefusedError)  # noqa: S101 - it is registered for no other
-        headers = {} if error.retry_after is None else {"Retry-After": str(error.retry_after)}
-        return problem_response(error.status, error.code, error.message, headers)
+        return problem_response(error.status, error.code, error.message, error.headers)
 
     async def framework(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for no other

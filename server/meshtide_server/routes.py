@@ -8,12 +8,14 @@ from http import HTTPStatus
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fastapi import APIRouter, Path, Request, Response, WebSocket
+from fastapi import APIRouter, Depends, Path, Request, Response, WebSocket
 
+from meshtide_server.access import require_read
 from meshtide_server.download import MEDIA_TYPE, download
 from meshtide_server.hosted_mesh import HostedMesh, Status
 from meshtide_server.models import Health, Index, MeshDetail, MeshSummary, Problem
 from meshtide_server.problems import RefusedError
+from meshtide_server.routes_tickets import UNAUTHORIZED
 
 if TYPE_CHECKING:
     from meshtide_server.hosted_stream import HostedStream
@@ -21,10 +23,12 @@ if TYPE_CHECKING:
     from meshtide_server.streaming import Streams
 
 router = APIRouter()
+READERS = [Depends(require_read)]
 
 MeshId = Annotated[str, Path(description="Id of a mesh, as GET /meshes lists it.", examples=["stanford-bunny"])]
 _Responses = dict[int | str, dict[str, Any]]
 _REFUSALS: _Responses = {
+    **UNAUTHORIZED,
     404: {"model": Problem, "description": "There is no such mesh."},
     500: {"model": Problem, "description": "The mesh cannot be served; the message says why."},
     503: {"model": Problem, "description": "The mesh is being encoded; the message says how far."},
@@ -53,7 +57,7 @@ async def health(request: Request) -> Health:
     return Health(version=program_version(), meshes={status.value: counts[status] for status in Status})
 
 
-@router.get("/meshes", summary="All meshes", tags=["meshes"])
+@router.get("/meshes", summary="All meshes", tags=["meshes"], responses=UNAUTHORIZED, dependencies=READERS)
 async def meshes(request: Request) -> list[MeshSummary]:
     """All hosted meshes, also those that are not ready."""
     return [MeshSummary.of(mesh) for mesh in _library(request).meshes]
@@ -66,8 +70,15 @@ async def meshes(request: Request) -> list[MeshSummary]:
     responses=_FILE_RESPONSES,
     summary="A mesh as a .tide file",
     tags=["meshes"],
+    dependencies=READERS,
 )
-@router.api_route("/meshes/{mesh_id}.tide", methods=["HEAD"], response_class=Response, include_in_schema=False)
+@router.api_route(
+    "/meshes/{mesh_id}.tide",
+    methods=["HEAD"],
+    response_class=Response,
+    include_in_schema=False,
+    dependencies=READERS,
+)
 async def file(request: Request, mesh_id: MeshId) -> Response:
     """The stream of a mesh as a file. A cut-off file is a coarser mesh; a range can be asked for, and resumed."""
     _, stream = find_stream(_library(request), mesh_id)
@@ -75,7 +86,12 @@ async def file(request: Request, mesh_id: MeshId) -> Response:
 
 
 @router.get(
-    "/meshes/{mesh_id}", response_model=MeshDetail, responses=_REFUSALS, summary="What a stream holds", tags=["meshes"]
+    "/meshes/{mesh_id}",
+    response_model=MeshDetail,
+    responses=_REFUSALS,
+    summary="What a stream holds",
+    tags=["meshes"],
+    dependencies=READERS,
 )
 async def mesh(request: Request, mesh_id: MeshId) -> Response:
     """The header of a mesh's stream: its quantization, its levels and its packets, with their places in the file."""

@@ -20,6 +20,7 @@ from uvicorn.config import WS_PROTOCOLS
 from meshtide_codec.errors import TransferError
 from meshtide_codec.files import write_atomically
 from meshtide_server.app import create_app
+from meshtide_server.redaction import RedactionFilter
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -181,5 +182,7 @@ def url_of(listener: socket.socket) -> str:
 def set_up_log(level: str) -> None:
     """Send the log to standard error, one line an event."""
     logging.basicConfig(level=level.upper(), format="%(asctime)s %(levelname)s %(message)s", datefmt="%H:%M:%S")
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(RedactionFilter())
     for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
         logging.getLogger(name).setLevel(logging.DEBUG if level == "debug" else logging.WARNING)

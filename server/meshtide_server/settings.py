@@ -8,13 +8,14 @@ from __future__ import annotations
 from pathlib import Path  # noqa: TC003 - pydantic reads the annotations
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 
 Profile = Literal["compact", "classic"]
+Tokens = Annotated[tuple[SecretStr, ...], NoDecode]
 LogLevel = Literal["debug", "info", "warning", "error"]
 
 
@@ -28,7 +29,13 @@ class Settings(BaseSettings):
     0
     """
 
-    model_config = SettingsConfigDict(env_prefix="MESHTIDE_", env_ignore_empty=True, extra="forbid", frozen=True)
+    model_config = SettingsConfigDict(
+        env_prefix="MESHTIDE_",
+        env_ignore_empty=True,
+        extra="forbid",
+        frozen=True,
+        hide_input_in_errors=True,  # the input may be a secret
+    )
 
     directory: Path | None = Field(default=None, description="Folder of .tide files and mesh files to host.")
     samples: bool = Field(default=False, description="Host the sample meshes that come with meshtide.")
@@ -54,6 +61,15 @@ class Settings(BaseSettings):
         "Pages of the server's own origin and programs that are no browsers always may.",
     )
 
+    # Secrets come from the environment or a file, never from the command line, which everybody on the machine can read.
+    write_tokens: Tokens = Field(default=(), description="Tokens of which writing takes one; none: nobody writes.")
+    write_tokens_file: Path | None = Field(default=None, description="File with more write tokens, one a line.")
+    read_tokens: Tokens = Field(default=(), description="Tokens of which reading takes one; none: everybody reads.")
+    read_tokens_file: Path | None = Field(default=None, description="File with more read tokens, one a line.")
+    ticket_seconds: float = Field(
+        default=30.0, gt=0.0, le=3600.0, description="Seconds for which a ticket opens a websocket, once."
+    )
+
     hello_timeout: float = Field(default=10.0, gt=0.0, description="Seconds a client has to ask for its mesh.")
     stall_timeout: float = Field(
         default=300.0, gt=0.0, description="Seconds a stream may stand still, for want of credit or of a reader."
@@ -71,6 +87,12 @@ class Settings(BaseSettings):
         if isinstance(value, str):
             return tuple(part.strip() for part in value.split(",") if part.strip())
         return value
+
+    @field_validator("write_tokens", "read_tokens", mode="before")
+    @classmethod
+    def _split_tokens(cls, value: object) -> object:
+        """Tokens separated by commas or white space."""
+        return tuple(value.replace(",", " ").split()) if isinstance(value, str) else value
 
     @field_validator("directory")
     @classmethod

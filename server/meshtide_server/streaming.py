@@ -32,10 +32,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from meshtide_codec.errors import PeerError, ProtocolError, StreamError
 from meshtide_codec.stream.session import ServerSession, error_frame
 from meshtide_server.origins import may_connect
-from meshtide_server.problems import RefusedError
+from meshtide_server.problems import RefusedError, problem_response
 from meshtide_server.routes import find_stream
 
 if TYPE_CHECKING:
+    from meshtide_server.access import Access
     from meshtide_server.hosted_stream import OpenStream
     from meshtide_server.library import Library
     from meshtide_server.settings import Settings
@@ -69,11 +70,13 @@ class Streams:
 
     Args:
         library: the meshes.
-        settings: timeouts, and who may connect.
+        settings: timeouts, and which pages may connect.
+        access: who may read.
     """
 
-    def __init__(self, library: Library, settings: Settings) -> None:
+    def __init__(self, library: Library, settings: Settings, access: Access) -> None:
         self._library = library
+        self._access = access
         self._settings = settings
         self._closing = asyncio.Event()
         self._running: set[asyncio.Task[None]] = set()
@@ -88,6 +91,13 @@ class Streams:
         if not may_connect(websocket.headers, self._settings.allowed_origins):
             logger.info("refused a page of %r", websocket.headers.get("origin"))
             await websocket.close()  # before it was accepted: HTTP status 403
+            return
+        try:
+            self._access.check_stream(websocket.headers.get("authorization"), websocket.query_params.get("ticket"))
+        except RefusedError as error:
+            await websocket.send_denial_response(
+                problem_response(error.status, error.code, error.message, error.headers)
+            )
             return
         task = asyncio.current_task()
         assert task is not None  # noqa: S101 - a coroutine that runs is in a task

@@ -198,7 +198,14 @@ async def test_a_file_replaced_meanwhile_is_not_served(client: httpx.AsyncClient
 
 async def test_openapi_describes_everything_with_examples(client: httpx.AsyncClient) -> None:
     described = (await client.get("/openapi.json")).json()
-    assert set(described["paths"]) == {"/", "/healthz", "/meshes", "/meshes/{mesh_id}", "/meshes/{mesh_id}.tide"}
+    assert set(described["paths"]) == {
+        "/",
+        "/healthz",
+        "/meshes",
+        "/meshes/{mesh_id}",
+        "/meshes/{mesh_id}.tide",
+        "/tickets",
+    }
     for model in ("Problem", "Health", "MeshSummary", "MeshDetail", "Level", "PacketRow"):
         assert described["components"]["schemas"][model]["examples"]
     responses = described["paths"]["/meshes/{mesh_id}.tide"]["get"]["responses"]

@@ -1,0 +1,68 @@
+import base64
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from meshtide_server.tickets import TicketOffice
+
+READ_TOKENS = ("token-of-a-reader-1", "token-of-a-reader-2")
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def office(clock: Clock, tokens: tuple[str, ...] = READ_TOKENS, **settings: int) -> TicketOffice:
+    return TicketOffice(tokens, seconds=30.0, clock=clock, **settings)
+
+
+def test_a_ticket_is_good_once() -> None:
+    made = office(Clock())
+    ticket = made.issue()
+    assert made.take(ticket)
+    assert not made.take(ticket)
+
+
+def test_a_ticket_expires() -> None:
+    clock = Clock()
+    made = office(clock)
+    early, late = made.issue(), made.issue()
+    clock.now += 29.9
+    assert made.take(early)
+    clock.now += 0.2
+    assert not made.take(late)
+    assert not made.take(early)
+
+
+def test_another_process_with_the_same_tokens_takes_it_and_no_other_does() -> None:
+    clock = Clock()
+    ticket = office(clock).issue()
+    assert office(clock, READ_TOKENS[::-1]).take(ticket)
+    assert not office(clock, READ_TOKENS[:1]).take(ticket)
+    assert not office(clock, ()).take(office(clock, ()).issue())
+
+
+def test_what_is_remembered_is_bounded_and_forgotten() -> None:
+    clock = Clock()
+    made = office(clock, most=3)
+    assert [made.take(made.issue()) for _ in range(4)] == [True, True, True, False]
+    clock.now += 30.0
+    assert made.take(made.issue())
+    assert repr(made) == "TicketOffice(1 taken)"
+
+
+@given(st.integers(0, 55), st.integers(1, 255))
+def test_no_changed_ticket_is_good(position: int, flip: int) -> None:
+    made = office(Clock())
+    data = bytearray(base64.urlsafe_b64decode(made.issue() + "="))
+    data[position] ^= flip
+    assert not made.take(base64.urlsafe_b64encode(data).decode().rstrip("="))
+
+
+@given(st.text(max_size=80) | st.text(st.characters(codec="ascii"), min_size=75, max_size=75))
+def test_nothing_else_is_a_ticket(text: str) -> None:
+    assert not office(Clock()).take(text)
