@@ -1,4 +1,4 @@
-"""The client's part of the command `meshtide`: fetch, meshes, demo.
+"""The client's part of the command `meshtide`: fetch, meshes, demo; `render` comes from `rendering`.
 
 Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
 """
@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from meshtide_client.rendering.commands import register as register_rendering
+
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news until the connection counts as lost.")]
 RateOption = Annotated[float | None, typer.Option(help="Take no more than so many bytes a second.")]
@@ -20,6 +22,7 @@ def register(app: typer.Typer) -> None:
     app.command()(fetch)
     app.command()(meshes)
     app.command()(demo)
+    register_rendering(app)
 
 
 def fetch(

@@ -20,7 +20,7 @@ from meshtide_client.address import ServerAddress
 from meshtide_client.display import COMPILING
 from meshtide_client.fetching import FetchResult, fetch
 from meshtide_client.listing import HostedMesh, list_meshes
-from meshtide_client.picture import draw_levels
+from meshtide_client.rendering.picture import draw_levels
 from meshtide_client.server_process import running_server
 from meshtide_client.transport import Link
 from meshtide_codec.compilation import announced_compilation

@@ -5,7 +5,7 @@ import string
 import numpy as np
 import pytest
 
-from meshtide_client.lettering import _GLYPHS, COLUMNS, ROWS, draw_text, text_width
+from meshtide_client.rendering.lettering import _GLYPHS, COLUMNS, ROWS, draw_text, text_width
 
 
 def test_every_glyph_is_whole_and_no_two_are_alike() -> None:

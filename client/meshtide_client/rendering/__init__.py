@@ -1,0 +1,1 @@
+"""Pictures of meshes without a screen: rasterizer, colour scales, lettering, PNG files."""

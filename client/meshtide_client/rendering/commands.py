@@ -1,0 +1,70 @@
+"""The command `render`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(render)
+
+
+def render(
+    inputs: Annotated[list[str], typer.Argument(help="Mesh files, .tide streams, or names of sample meshes.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="PNG file to write.")],
+    all_levels: Annotated[
+        bool, typer.Option(help="All levels of a stream, coarse to fine, not its finest only.")
+    ] = False,
+    distance_from: Annotated[
+        str | None, typer.Option(help="Colour vertices by their distance from this mesh's surface.", metavar="MESH")
+    ] = None,
+    size: Annotated[int, typer.Option(min=16, max=2048, help="Width and height of each mesh in pixels.")] = 360,
+    columns: Annotated[int, typer.Option(min=1, help="How many stand side by side.")] = 3,
+    turn: Annotated[float, typer.Option(help="Degrees about the upright axis.")] = 25.0,
+    tilt: Annotated[float, typer.Option(help="Degrees from above.")] = 15.0,
+    smooth: Annotated[bool, typer.Option(help="Shade faces smoothly.")] = False,
+    edges: Annotated[bool, typer.Option(help="Draw the edges of faces.")] = False,
+    each_fits: Annotated[
+        bool, typer.Option(help="Each mesh fills its picture; otherwise all are in the scale of the last.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
+) -> None:
+    """Draw meshes side by side into a PNG file, without a screen.
+
+    Example: meshtide render bunny.tide --all-levels -o levels.png
+
+    Example: meshtide render coarse.ply fine.ply --distance-from scan.obj -o errors.png
+    """
+    import json
+
+    from meshtide_client.rendering.picture import Style, draw_subjects
+    from meshtide_client.rendering.png import png
+    from meshtide_client.rendering.shown import coloured_by_distance, load_subjects
+    from meshtide_client.rendering.view import View
+    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.errors import OptionError
+    from meshtide_codec.files import write_atomically
+
+    if output.suffix.lower() != ".png":
+        raise OptionError(f"a picture is a .png file, not {output}")
+    style = Style(View(turn, tilt), size, columns, smooth, edges)
+    with progress_bar("render") as progress:
+        progress("read", 0.0)
+        subjects = load_subjects(inputs, all_levels=all_levels)
+        scale = None
+        if distance_from is not None:
+            progress("distances", 0.3)
+            subjects, scale = coloured_by_distance(subjects, load_subjects([distance_from])[0].mesh)
+        progress("draw", 0.6)
+        image = draw_subjects(subjects, None if each_fits else subjects[-1].mesh, scale, style)
+        write_atomically(output, png(image))
+    height, width, _ = image.shape
+    if as_json:
+        meshes = [{"caption": subject.caption, "vertices": len(subject.mesh.vertices)} for subject in subjects]
+        typer.echo(json.dumps({"output": str(output), "width": width, "height": height, "meshes": meshes}))
+        return
+    typer.echo(f"{output}: {len(subjects)} meshes, {width} x {height} pixels")
