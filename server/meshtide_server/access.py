@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from meshtide_server.settings import Settings
 
-_READ_SCHEME = HTTPBearer(
+READ_SCHEME = HTTPBearer(
     auto_error=False, scheme_name="read token", description="Needed where the server has read tokens; else left out."
 )
 _WRITE_SCHEME = HTTPBearer(auto_error=False, scheme_name="write token", description="One of the server's write tokens.")
@@ -121,7 +121,7 @@ def bearer_token(authorization: str | None) -> str | None:
 
 
 async def require_read(
-    request: Request, credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_READ_SCHEME)]
+    request: Request, credentials: Annotated[HTTPAuthorizationCredentials | None, Security(READ_SCHEME)]
 ) -> None:
     """A dependency of routes that read.
 

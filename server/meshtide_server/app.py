@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
@@ -10,8 +11,11 @@ from fastapi.middleware.cors import CORSMiddleware
 
 from meshtide_server.access import Access
 from meshtide_server.library import Library
+from meshtide_server.observation import Observation
 from meshtide_server.problems import handle_problems
+from meshtide_server.readiness import Readiness
 from meshtide_server.routes import program_version, router
+from meshtide_server.routes_operations import router as operations_router
 from meshtide_server.routes_tickets import router as tickets_router
 from meshtide_server.streaming import Streams
 
@@ -31,8 +35,9 @@ def create_app(settings: Settings) -> FastAPI:
     """The ASGI application of a server.
 
     Its lifespan finds the meshes and ends all work; `app.state.library` and `app.state.streams` are the hosted
-    meshes and the running streams. Run it with `serving.run`, which also ends running streams politely, or with
-    any ASGI server.
+    meshes and the running streams, `app.state.draining` is an event that is set when the server takes no new work any
+    more, and `app.state.readiness` says whether it can do any. Run it with `serving.run`, which also ends running
+    streams politely, or with any ASGI server.
 
     Args:
         settings: what to host and how.
@@ -45,7 +50,11 @@ def create_app(settings: Settings) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         library = Library(settings)
         app.state.library = library
-        app.state.streams = Streams(library, settings, app.state.access)
+        draining = asyncio.Event()
+        app.state.draining = draining
+        app.state.readiness = Readiness(draining)
+        app.state.readiness.add("library", library.reason_to_wait)
+        app.state.streams = Streams(library, settings, app.state.access, draining)
         await library.start()
         try:
             yield
@@ -59,12 +68,14 @@ def create_app(settings: Settings) -> FastAPI:
     handle_problems(app)
     app.include_router(router)
     app.include_router(tickets_router)
+    app.include_router(operations_router)
     if settings.allowed_origins:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=list(settings.allowed_origins),
             allow_methods=["GET", "HEAD"],
             allow_headers=["Range", "If-Range", "If-Match", "If-None-Match"],
-            expose_headers=["Accept-Ranges", "Content-Length", "Content-Range", "ETag"],
+            expose_headers=["Accept-Ranges", "Content-Length", "Content-Range", "ETag", "X-Request-ID"],
         )
+    app.add_middleware(Observation, access_log=settings.access_log)  # the last one added is the outermost
     return app

@@ -48,7 +48,15 @@ def serve(
         float | None,
         typer.Option(help="How often to look for new and changed files; 0: never.", show_default="5"),
     ] = None,
+    drain_timeout: Annotated[
+        float | None, typer.Option(help="Seconds that running streams have to end in on SIGTERM.", show_default="5")
+    ] = None,
     log_level: Annotated[str | None, typer.Option(help="debug, info, warning or error.", show_default="info")] = None,
+    log_format: Annotated[str | None, typer.Option(help="text or json.", show_default="text")] = None,
+    access_log: Annotated[bool | None, typer.Option("--access-log", help="Log every request.")] = None,
+    metrics: Annotated[
+        str | None, typer.Option(help="Who may read /metrics: read, open or off.", show_default="read")
+    ] = None,
     announce: Annotated[
         bool, typer.Option("--announce", help='Print {"url": ...} on standard output once the server listens.')
     ] = False,
@@ -59,11 +67,13 @@ def serve(
     """Host meshes: each one is encoded once, then served as a file and as a stream.
 
     Options can also be set by environment variables, such as MESHTIDE_PORT; arguments win.
-    SIGTERM and Ctrl-C end it politely, with exit code 0.
+    SIGTERM and Ctrl-C end it politely, with exit code 0: it takes no new streams and lets running ones end; a second
+    signal ends it at once.
     """
     from pydantic import ValidationError
 
-    from meshtide_server.serving import run, set_up_log
+    from meshtide_server.logs import set_up_log
+    from meshtide_server.serving import run
     from meshtide_server.settings import Settings
 
     given: dict[str, Any] = {
@@ -78,13 +88,17 @@ def serve(
         "hello_timeout": hello_timeout,
         "stall_timeout": stall_timeout,
         "rescan_seconds": rescan_seconds,
+        "drain_timeout": drain_timeout,
         "log_level": log_level,
+        "log_format": log_format,
+        "access_log": access_log,
+        "metrics": metrics,
     }
     try:
         settings = Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
         raise typer.BadParameter(explanation(error)) from None
-    set_up_log(settings.log_level)
+    set_up_log(settings.log_level, settings.log_format)
     run(settings, announce=announce, ready_file=ready_file)
 
 

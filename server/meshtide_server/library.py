@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TypeVar
 from meshtide_codec.errors import MeshtideError
 from meshtide_codec.files import is_mesh_path
 from meshtide_codec.samples import sample_names
+from meshtide_server import metrics
 from meshtide_server.encoder_process import EncoderProcess, Job
 from meshtide_server.hosted_mesh import TIDE_SUFFIX, HostedMesh, Source
 from meshtide_server.hosted_stream import HostedStream, StoppedError, load_stream
@@ -62,6 +63,8 @@ class Library:
         self._to_encode: asyncio.Queue[tuple[HostedMesh, CachePlace, str]] = asyncio.Queue()
         self._unfinished = 0
         self._settled = asyncio.Event()
+        self.looked_through = False
+        """Whether everything that was found at the start has been looked at: what is ready then can be served."""
         self._tasks: list[asyncio.Task[None]] = []
         self._encoder = EncoderProcess()
         self._stopping = False
@@ -90,6 +93,7 @@ class Library:
         ]
         if self._settings.directory is not None and self._settings.rescan_seconds > 0:
             self._tasks.append(asyncio.create_task(self._rescan(), name="look for files"))
+        self.looked_through = not self._meshes
         self._note_if_settled()
 
     async def stop(self) -> None:
@@ -100,6 +104,10 @@ class Library:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self._encoder.close()
         await asyncio.to_thread(self._scratch.close)
+
+    async def reason_to_wait(self) -> str | None:
+        """Why not all that could be served is served yet, or None; meshes that wait to be encoded are no reason."""
+        return None if self.looked_through else "the meshes are being looked through"
 
     async def settled(self) -> None:
         """Wait until every mesh that is known by then is ready or has failed."""
@@ -190,7 +198,9 @@ class Library:
                 self._finish(mesh, str(error))
             except Exception as error:
                 logger.exception("while %s was checked", mesh.id)
+                metrics.fault("library")
                 self._finish(mesh, f"internal error: {type(error).__name__}")
+            self.looked_through |= self._to_check.empty()
 
     async def _check(self, mesh: HostedMesh) -> None:
         path = mesh.source.path
@@ -255,6 +265,7 @@ class Library:
                 self._finish(mesh, str(error))
             except Exception as error:
                 logger.exception("while %s was encoded", mesh.id)
+                metrics.fault("library")
                 self._finish(mesh, f"internal error: {type(error).__name__}")
             if self._unfinished == 0:
                 await self._encoder.close()  # it holds memory, and there is nothing for it to do

@@ -72,6 +72,15 @@ class Health(BaseModel):
     meshes: dict[str, int] = Field(description="How many meshes are in which state.")
 
 
+class ReadinessReport(BaseModel):
+    """Whether the server can do its work."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"ready": True, "parts": {"library": "ok"}}]})
+
+    ready: bool = Field(description="Whether every part can be used.")
+    parts: dict[str, str] = Field(description="Each part, and `ok` or why it cannot be used.")
+
+
 class Index(BaseModel):
     """Where everything is."""
 

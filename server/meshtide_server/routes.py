@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections import Counter
 from http import HTTPStatus
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +12,7 @@ from fastapi import APIRouter, Depends, Path, Request, Response, WebSocket
 from meshtide_server.access import require_read
 from meshtide_server.download import MEDIA_TYPE, download
 from meshtide_server.hosted_mesh import HostedMesh, Status
-from meshtide_server.models import Health, Index, MeshDetail, MeshSummary, Problem
+from meshtide_server.models import Index, MeshDetail, MeshSummary, Problem
 from meshtide_server.problems import RefusedError
 from meshtide_server.routes_tickets import UNAUTHORIZED
 
@@ -48,13 +47,6 @@ _FILE_RESPONSES: _Responses = {
 async def index() -> Index:
     """Name and version of this server, and where its meshes and this documentation are."""
     return Index(version=program_version())
-
-
-@router.get("/healthz", summary="Whether the server answers", tags=["server"])
-async def health(request: Request) -> Health:
-    """That the server answers, and how many of its meshes are in which state."""
-    counts = Counter(mesh.status for mesh in _library(request).meshes)
-    return Health(version=program_version(), meshes={status.value: counts[status] for status in Status})
 
 
 @router.get("/meshes", summary="All meshes", tags=["meshes"], responses=UNAUTHORIZED, dependencies=READERS)

@@ -1,7 +1,9 @@
 """Running the application: the socket, the log, the announcement, and a shutdown that tells everybody.
 
-SIGTERM and Ctrl-C (SIGINT) end the server within a few seconds: no new connections, an error frame and a close frame
-for each running stream, the encoder's process ended. Both are the ordinary way to stop a server: the exit code is 0.
+SIGTERM and Ctrl-C (SIGINT) end the server in order. It drains first: /readyz answers 503, new streams are told to
+connect elsewhere, what is running has a while to end. Then come an error frame and a close frame for each stream that
+is left, and the end of the encoder's process. Both signals are the ordinary way to stop a server: the exit code is 0.
+A second one cuts the waiting short.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import logging
 import signal
 import socket
 import sys
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -19,8 +22,8 @@ from uvicorn.config import WS_PROTOCOLS
 
 from meshtide_codec.errors import TransferError
 from meshtide_codec.files import write_atomically
+from meshtide_server import metrics
 from meshtide_server.app import create_app
-from meshtide_server.redaction import RedactionFilter
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,10 +47,14 @@ class AddressError(TransferError):
 class Server(uvicorn.Server):
     """uvicorn's server, with an announcement at its start and a farewell to its streams at its end."""
 
-    def __init__(self, config: uvicorn.Config, app: FastAPI, announcement: Announcement) -> None:
+    def __init__(
+        self, config: uvicorn.Config, app: FastAPI, announcement: Announcement, drain_timeout: float = 0.0
+    ) -> None:
         super().__init__(config)
         self._app = app
+        self._drain_timeout = drain_timeout
         self._announcement = announcement
+        self._drain_until: float | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start, then tell who waits for it."""
@@ -55,12 +62,35 @@ class Server(uvicorn.Server):
         if self.started:
             self._announcement.make()
 
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """A signal came; a second one means at once."""
+        if self.should_exit:
+            self.force_exit = True
+        super().handle_exit(sig, frame)
+
+    async def on_tick(self, counter: int) -> bool:
+        """Called ten times a second; returns whether it is time to shut down."""
+        return await super().on_tick(counter) and self._drained()
+
+    def _drained(self) -> bool:
+        """Whether all that was running when the server was told to stop has ended, or had its time."""
+        waiting = len(self.server_state.tasks)
+        if self._drain_until is None:
+            self._drain_until = time.monotonic() + self._drain_timeout
+            self._app.state.draining.set()
+            metrics.draining(now=True)
+            if waiting:
+                logger.info("draining: %d streams and requests have %g s to end", waiting, self._drain_timeout)
+        return not waiting or self.force_exit or time.monotonic() >= self._drain_until
+
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Part from the streams before uvicorn drops their connections."""
         for server in self.servers:
             server.close()
         logger.info("shutting down")
-        await self._app.state.streams.close()
+        self._app.state.draining.set()
+        await self._app.state.streams.close(*([0.0] if self.force_exit else []))
+        metrics.draining(now=False)
         # What uvicorn still has to say is that it drops connections that did not end in time.
         logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
         await super().shutdown(sockets)
@@ -110,7 +140,7 @@ def run(settings: Settings, *, announce: bool = False, ready_file: Path | None =
     with listener:
         app = create_app(settings)
         announcement = Announcement(url_of(listener), on_output=announce, ready_file=ready_file)
-        server = Server(configuration(app, settings), app, announcement)
+        server = Server(configuration(app, settings), app, announcement, settings.drain_timeout)
 
         def stop(_: int, __: FrameType | None) -> None:
             server.should_exit = True
@@ -142,7 +172,7 @@ def configuration(app: FastAPI, settings: Settings) -> uvicorn.Config:
         timeout_graceful_shutdown=settings.shutdown_timeout,
         backlog=BACKLOG,
         log_config=None,
-        access_log=settings.log_level == "debug",
+        access_log=False,  # its lines hold queries; see observation.py
         server_header=False,
     )
 
@@ -177,12 +207,3 @@ def url_of(listener: socket.socket) -> str:
     host, port = listener.getsockname()[:2]
     host = _ANY_ADDRESS.get(host, host)
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-
-
-def set_up_log(level: str) -> None:
-    """Send the log to standard error, one line an event."""
-    logging.basicConfig(level=level.upper(), format="%(asctime)s %(levelname)s %(message)s", datefmt="%H:%M:%S")
-    for handler in logging.getLogger().handlers:
-        handler.addFilter(RedactionFilter())
-    for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
-        logging.getLogger(name).setLevel(logging.DEBUG if level == "debug" else logging.WARNING)

@@ -13,10 +13,12 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
+from meshtide_server.logs import LogFormat  # noqa: TC001 - pydantic reads the annotations
 
 Profile = Literal["compact", "classic"]
 Tokens = Annotated[tuple[SecretStr, ...], NoDecode]
 LogLevel = Literal["debug", "info", "warning", "error"]
+MetricsAccess = Literal["read", "open", "off"]
 
 
 class Settings(BaseSettings):
@@ -74,11 +76,24 @@ class Settings(BaseSettings):
     stall_timeout: float = Field(
         default=300.0, gt=0.0, description="Seconds a stream may stand still, for want of credit or of a reader."
     )
-    shutdown_timeout: int = Field(default=3, ge=1, description="Seconds that open connections have to end in.")
+    drain_timeout: float = Field(
+        default=5.0, ge=0.0, description="Seconds that running streams and requests have to end in when it is to stop."
+    )
+    shutdown_timeout: int = Field(
+        default=3, ge=1, description="Seconds that connections have after that, once they were told to end."
+    )
     max_message: int = Field(
         default=LARGEST_MESSAGE, ge=1024, le=LARGEST_MESSAGE, description="Largest frame a client may send, in bytes."
     )
-    log_level: LogLevel = Field(default="info", description="How much is logged.")
+    log_level: LogLevel = Field(default="info", description="How much is logged: debug, info, warning or error.")
+    log_format: LogFormat = Field(
+        default="text", description="How: text for people, or json, one object a line, for programs."
+    )
+    access_log: bool = Field(default=False, description="Log every request at level info, not only at debug.")
+    metrics: MetricsAccess = Field(
+        default="read",
+        description="Who may read /metrics: read, whoever may read the meshes; open, everybody; off, nobody.",
+    )
 
     @field_validator("allowed_origins", mode="before")
     @classmethod

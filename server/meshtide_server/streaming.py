@@ -13,7 +13,7 @@ not-ready               1013   it is being encoded, or replaced on the disk
 mesh-failed             1011   it cannot be served
 protocol                1002   a frame that is malformed or out of turn
 timeout                 1008   no hello, or no credit and no reading, for too long
-shutting-down           1001   the server is going away
+shutting-down           1012   the server is going away; connect again, to another one or later, to resume
 internal                1011   a fault of the server
 (none)                  1009   a frame over the size limit; sent by the protocol below
 ======================  =====  =====================================================
@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -31,6 +32,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from meshtide_codec.errors import PeerError, ProtocolError, StreamError
 from meshtide_codec.stream.session import ServerSession, error_frame
+from meshtide_server import metrics
+from meshtide_server.metrics import StreamOutcome
 from meshtide_server.origins import may_connect
 from meshtide_server.problems import RefusedError, problem_response
 from meshtide_server.routes import find_stream
@@ -48,6 +51,13 @@ GOODBYE_SECONDS = 1.0
 LONGEST_REASON = 120
 """Bytes of a close frame's reason; the websocket protocol allows 123."""
 _CLOSE_CODES = {"unknown-mesh": 1008, "not-ready": 1013, "mesh-failed": 1011}
+_OUTCOMES = {
+    "": StreamOutcome.COMPLETE,
+    "protocol": StreamOutcome.BREACH,
+    "timeout": StreamOutcome.TIMEOUT,
+    "shutting-down": StreamOutcome.SHUTDOWN,
+    "internal": StreamOutcome.FAULT,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +74,16 @@ class Farewell:
     code: str = ""
     message: str = ""
 
+    @property
+    def outcome(self) -> StreamOutcome:
+        """What the metrics count it as."""
+        return _OUTCOMES.get(self.code, StreamOutcome.REFUSED)
+
+
+_SHUTTING_DOWN = Farewell(1012, "shutting-down", "the server is shutting down; connect again to resume")
+_GIVEN_UP = Farewell(1000)
+"""The answer to a client that gave up."""
+
 
 class Streams:
     """All streams that are running.
@@ -72,10 +92,12 @@ class Streams:
         library: the meshes.
         settings: timeouts, and which pages may connect.
         access: who may read.
+        draining: is set when the server takes no new streams any more.
     """
 
-    def __init__(self, library: Library, settings: Settings, access: Access) -> None:
+    def __init__(self, library: Library, settings: Settings, access: Access, draining: asyncio.Event) -> None:
         self._library = library
+        self._draining = draining
         self._access = access
         self._settings = settings
         self._closing = asyncio.Event()
@@ -102,21 +124,39 @@ class Streams:
         task = asyncio.current_task()
         assert task is not None  # noqa: S101 - a coroutine that runs is in a task
         self._running.add(task)
+        metrics.stream_started()
+        started = time.perf_counter()
+        outcome = StreamOutcome.LEFT
         try:
             await websocket.accept()
-            farewell = await self._stream(websocket, mesh_id)
+            farewell = await self._farewell(websocket, mesh_id)
             if farewell is not None:
+                outcome = StreamOutcome.LEFT if farewell is _GIVEN_UP else farewell.outcome
                 await _part(websocket, farewell)
         except WebSocketDisconnect:
             logger.debug("the client of %s left before it was greeted", mesh_id)
         finally:
+            metrics.stream_ended(outcome, time.perf_counter() - started)
             self._running.discard(task)
 
-    async def close(self) -> None:
-        """Tell all clients that the server goes away, and wait until they know, or had the time to."""
+    async def close(self, patience: float = 2 * GOODBYE_SECONDS + 0.5) -> None:
+        """Tell all clients that the server goes away, and wait until they know, at most `patience` seconds."""
         self._closing.set()
         if self._running:
-            await asyncio.wait(self._running, timeout=2 * GOODBYE_SECONDS + 0.5)
+            await asyncio.wait(self._running, timeout=patience)
+
+    async def _farewell(self, websocket: WebSocket, mesh_id: str) -> Farewell | None:
+        """Stream to one client, and take what goes wrong in the server for the end of that stream only."""
+        if self._draining.is_set():
+            return _SHUTTING_DOWN
+        try:
+            return await self._stream(websocket, mesh_id)
+        except WebSocketDisconnect:
+            raise
+        except Exception:
+            logger.exception("a fault of the server in a stream")
+            metrics.fault("stream")
+            return Farewell(1011, "internal", "the server made a mistake; its log tells which")
 
     async def _stream(self, websocket: WebSocket, mesh_id: str) -> Farewell | None:
         """Stream to one client; returns how to part from it, or None if it has left."""
@@ -151,7 +191,7 @@ class Streams:
 
     async def _wait_for_close(self) -> Farewell:
         await self._closing.wait()
-        return Farewell(1001, "shutting-down", "the server is shutting down; connect again later to resume")
+        return _SHUTTING_DOWN
 
 
 class Conversation:
@@ -162,6 +202,8 @@ class Conversation:
         self._session = session
         self._settings = settings
         self._heard = asyncio.Event()
+        self._greeted_at = 0.0
+        self._first_packet_sent = False
 
     async def listen(self) -> Farewell | None:
         """Feed the session until the client leaves or errs."""
@@ -174,15 +216,23 @@ class Conversation:
                 self._session.receive(message.get("text") or "" if data is None else data)
             except PeerError as error:
                 logger.info("a client gave up: %s", error)
-                return Farewell(1000)
+                return _GIVEN_UP
             except ProtocolError as error:
                 logger.info("a client broke the protocol: %s", error)
                 return Farewell(1002, "protocol", str(error))
+            if not self._greeted_at:
+                self._greeted_at = time.perf_counter()
             self._heard.set()
             await asyncio.sleep(0)  # a client that talks without pause must not keep others waiting
 
     async def send(self) -> Farewell:
         """Send what the session has until all is sent or nothing moves any more."""
+        try:
+            return await self._send()
+        finally:
+            self._count()
+
+    async def _send(self) -> Farewell:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self._settings.hello_timeout
         greeted = False
@@ -194,10 +244,14 @@ class Conversation:
             try:
                 async with asyncio.timeout_at(deadline):
                     if frame is None:
+                        self._count()
                         await self._heard.wait()
                         self._heard.clear()
                         continue
                     await self._websocket.send_bytes(frame)
+                    if not self._first_packet_sent and self._session.sent_by_kind.keys() - {None}:
+                        self._first_packet_sent = True
+                        metrics.first_packet_sent(time.perf_counter() - self._greeted_at)
             except TimeoutError:
                 return self._timeout(greeted=greeted)
             except RuntimeError as error:  # the protocol below has closed the connection while this was going on
@@ -206,6 +260,12 @@ class Conversation:
                 return Farewell(1000)
             deadline = loop.time() + self._settings.stall_timeout
             await asyncio.sleep(0)
+
+    def _count(self) -> None:
+        """Tell the metrics what was sent since the last time; not with each frame, of which there are many."""
+        for kind, size in self._session.sent_by_kind.items():
+            metrics.stream_sent(kind, size)
+        self._session.sent_by_kind.clear()
 
     def _timeout(self, *, greeted: bool) -> Farewell:
         if greeted:

@@ -28,7 +28,8 @@ from websockets.exceptions import ConnectionClosed
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_codec.stream.session import ClientSession
 from meshtide_server.app import create_app
-from meshtide_server.serving import Announcement, Server, bind, configuration, set_up_log, url_of
+from meshtide_server.logs import set_up_log
+from meshtide_server.serving import Announcement, Server, bind, configuration, url_of
 from meshtide_server.settings import Settings
 
 if TYPE_CHECKING:

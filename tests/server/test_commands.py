@@ -7,7 +7,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from meshtide_server import serving
+from meshtide_server import logs, serving
 from meshtide_server.commands import register
 from meshtide_server.settings import Settings
 
@@ -28,7 +28,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Settings, bool, Path | N
         made.append((settings, announce, ready_file))
 
     monkeypatch.setattr(serving, "run", run)
-    monkeypatch.setattr(serving, "set_up_log", lambda _: None)
+    monkeypatch.setattr(logs, "set_up_log", lambda _level, _form: None)
     return made
 
 

@@ -14,9 +14,17 @@ from pathlib import Path
 import httpx
 import pytest
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
-from meshtide_codec.stream.messages import PROTOCOL_VERSION, Error, Hello, decode_message, encode_message
+from meshtide_codec.stream.messages import (
+    PROTOCOL_VERSION,
+    Credit,
+    Done,
+    Error,
+    Hello,
+    decode_message,
+    encode_message,
+)
 from meshtide_server.serving import AddressError, bind, configuration, url_of
 from meshtide_server.settings import Settings
 
@@ -81,7 +89,7 @@ def wait_for(url: str, status: str, seconds: float = 20.0) -> None:
 
 def test_sigterm_in_the_middle_of_a_stream(start: Callable[..., ServerProcess], folder: Path) -> None:
     (folder / "large.tide").write_bytes(make_stream(1, LARGE_PAYLOADS))
-    server = start(folder)
+    server = start(folder, "--drain-timeout", 0.2)
     wait_for(server.url, "ready")
     with connect(server.url.replace("http", "ws") + "/meshes/large/stream", compression=None) as connection:
         connection.send(encode_message(Hello(PROTOCOL_VERSION, "large", b"", (), None, None, None, credit=10_000_000)))
@@ -94,7 +102,7 @@ def test_sigterm_in_the_middle_of_a_stream(start: Callable[..., ServerProcess], 
     assert isinstance(last, Error)
     assert last.code == "shutting-down"
     assert closed.value.rcvd is not None
-    assert closed.value.rcvd.code == 1001
+    assert closed.value.rcvd.code == 1012
     assert "shutting down" in closed.value.rcvd.reason
     code, log, seconds = server.ended()
     assert code == 0
@@ -123,7 +131,7 @@ def test_each_event_is_one_line_and_so_is_the_end(
 
 def test_sigterm_during_a_slow_download(start: Callable[..., ServerProcess], folder: Path) -> None:
     (folder / "large.tide").write_bytes(make_stream(1, LARGE_PAYLOADS))
-    server = start(folder)
+    server = start(folder, "--drain-timeout", 0.2)
     wait_for(server.url, "ready")
     with httpx.stream("GET", f"{server.url}/meshes/large.tide") as response:
         next(response.iter_raw())
@@ -206,3 +214,85 @@ def test_frames_are_limited_and_never_compressed(folder: Path) -> None:
     config = configuration(lambda: None, Settings(directory=folder, max_message=2048, stall_timeout=120))  # type: ignore[arg-type]
     assert (config.ws_max_size, config.ws_per_message_deflate, config.access_log) == (2048, False, False)
     assert config.ws_ping_timeout == 120
+
+
+def hold(connection: ClientConnection, mesh: str, credit: int = 10_000) -> None:
+    """Begin a stream that waits for credit after so many bytes."""
+    connection.send(encode_message(Hello(PROTOCOL_VERSION, mesh, b"", (), None, None, None, credit)))
+    connection.recv(5)
+
+
+def until_not_ready(url: str) -> httpx.Response:
+    deadline = time.monotonic() + 5
+    while (answer := httpx.get(f"{url}/readyz")).status_code == 200:
+        assert time.monotonic() < deadline
+    return answer
+
+
+def test_draining_lets_streams_end_and_takes_no_new_ones(start: Callable[..., ServerProcess], folder: Path) -> None:
+    server = start(folder, "--drain-timeout", 30)
+    wait_for(server.url, "ready")
+    address = server.url.replace("http", "ws") + "/meshes/small/stream"
+    with connect(address, compression=None) as running:
+        hold(running, "small", 100)
+        server.process.send_signal(signal.SIGTERM)
+        answer = until_not_ready(server.url)
+        assert (answer.status_code, answer.json()["parts"]["server"]) == (503, "it is shutting down")
+        assert httpx.get(f"{server.url}/healthz").status_code == 200
+        assert "meshtide_draining 1.0" in httpx.get(f"{server.url}/metrics").text
+        with connect(address, compression=None) as late:
+            refusal = decode_message(late.recv(5))
+            with pytest.raises(ConnectionClosed) as refused:
+                late.recv(5)
+        assert isinstance(refusal, Error)
+        assert refusal.code == "shutting-down"
+        assert refused.value.rcvd is not None
+        assert refused.value.rcvd.code == 1012
+        running.send(encode_message(Credit(1 << 20)))
+        with pytest.raises(ConnectionClosed) as ended:
+            while True:
+                last = decode_message(running.recv(5))
+    assert isinstance(last, Done)
+    assert ended.value.rcvd is not None
+    assert ended.value.rcvd.code == 1000
+    code, log, seconds = server.ended()
+    assert code == 0
+    assert seconds < 5
+    assert "draining: 1 streams and requests have 30 s to end" in log
+
+
+@pytest.mark.parametrize("second", [signal.SIGTERM, signal.SIGINT])
+def test_a_second_signal_ends_it_at_once(
+    start: Callable[..., ServerProcess], folder: Path, second: signal.Signals
+) -> None:
+    server = start(folder, "--drain-timeout", 60)
+    wait_for(server.url, "ready")
+    with connect(server.url.replace("http", "ws") + "/meshes/small/stream", compression=None) as running:
+        hold(running, "small", 100)
+        server.process.send_signal(signal.SIGTERM)
+        until_not_ready(server.url)
+        code, log, seconds = server.end(second)
+    assert code == 0
+    assert seconds < 2
+    assert "Traceback" not in log
+
+
+def test_the_log_as_json_is_one_object_a_line(start: Callable[..., ServerProcess], folder: Path) -> None:
+    server = start(folder, "--log-format", "json", "--log-level", "debug")
+    wait_for(server.url, "ready")
+    headers = {"X-Request-ID": "chosen-3", "Authorization": "Bearer s3cr3t"}
+    httpx.get(f"{server.url}/meshes/small?ticket=s3cr3t", headers=headers)
+    with connect(
+        server.url.replace("http", "ws") + "/meshes/small/stream?ticket=s3cr3t", additional_headers=headers
+    ) as connection:
+        hold(connection, "small")
+    code, log, _ = server.end(signal.SIGTERM)
+    assert code == 0
+    assert "s3cr3t" not in log
+    entries = [json.loads(line) for line in log.splitlines()]
+    assert all({"time", "level", "logger", "message"} <= entry.keys() for entry in entries)
+    mine = [entry for entry in entries if entry.get("request_id") == "chosen-3" and "status" in entry]
+    assert [(entry["path"], entry["status"]) for entry in mine] == [
+        ("/meshes/small", 200),
+        ("/meshes/small/stream", 101),
+    ]

@@ -320,7 +320,7 @@ def test_shutting_down_tells_running_streams(serve: Callable[[Settings], LiveSer
         live.stop()
         for connection in (waiting, silent):
             error, closed = refusal(connection)
-            assert (error.code, close_code(closed)) == ("shutting-down", 1001)
+            assert (error.code, close_code(closed)) == ("shutting-down", 1012)
             assert closed.rcvd is not None
             assert "shutting down" in closed.rcvd.reason
 

@@ -33,7 +33,7 @@ from meshtide_codec.stream.messages import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from meshtide_codec.stream.packets import Packet
+    from meshtide_codec.stream.packets import Packet, PacketKind
 
 DEFAULT_WINDOW = 1 << 20
 """Bytes in flight that a client allows: at 50 ms round trip that is up to 20 MB/s."""
@@ -110,6 +110,8 @@ class ServerSession:
         self.finished = False
         self.sent_bytes = 0
         """Bytes of parts handed out so far."""
+        self.sent_by_kind: dict[PacketKind | None, int] = {}
+        """The same by kind of packet, None for the header; whoever counts them may clear it."""
 
     @property
     def greeted(self) -> bool:
@@ -146,6 +148,8 @@ class ServerSession:
         message = job.message(self._offset, self._offset + size)
         self._credit -= size
         self.sent_bytes += size
+        if size:
+            self.sent_by_kind[job.kind] = self.sent_by_kind.get(job.kind, 0) + size
         self._offset += size
         if self._offset == job.length:
             self._job = None
@@ -173,9 +177,10 @@ class ServerSession:
         wanted = until.packet_count(header, total)
         packets = size = 0
         for index in _missing(hello.held if resumed else (), wanted):
-            yield _Job(header.packets[index].length, partial(self._packet_part, index))
+            entry = header.packets[index]
+            yield _Job(entry.length, partial(self._packet_part, index), entry.kind)
             packets += 1
-            size += header.packets[index].length
+            size += entry.length
         yield _Job(0, lambda _start, _end: Done(packets, size, more=wanted < len(header.packets)))
 
     def _packet_part(self, index: int, start: int, end: int) -> PacketPart:
@@ -188,6 +193,7 @@ class _Job:
 
     length: int
     message: Callable[[int, int], Message]
+    kind: PacketKind | None = None
 
 
 @dataclass(frozen=True, slots=True)

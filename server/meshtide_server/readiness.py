@@ -1,0 +1,52 @@
+"""Whether the server can do its work: asked by whoever decides where requests go."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+    Check = Callable[[], Awaitable[str | None]]
+
+logger = logging.getLogger("meshtide.server")
+
+CHECK_SECONDS = 2.0
+"""A part that has not answered by then is not there."""
+OK = "ok"
+
+
+class Readiness:
+    """The parts that the server needs, and whether each is there.
+
+    Args:
+        draining: is set when the server takes no new work any more.
+    """
+
+    def __init__(self, draining: asyncio.Event) -> None:
+        self._draining = draining
+        self._checks: dict[str, Check] = {}
+
+    def add(self, name: str, check: Check) -> None:
+        """Ask `check` from now on: it returns why that part cannot be used, or None; or raises."""
+        self._checks[name] = check
+
+    async def parts(self) -> dict[str, str]:
+        """Every part and "ok", or why it cannot be used."""
+        answers = await asyncio.gather(*(self._ask(name, check) for name, check in self._checks.items()))
+        parts = dict(zip(self._checks, answers, strict=True))
+        if self._draining.is_set():
+            parts["server"] = "it is shutting down"
+        return parts
+
+    async def _ask(self, name: str, check: Check) -> str:
+        try:
+            async with asyncio.timeout(CHECK_SECONDS):
+                return await check() or OK
+        except TimeoutError:
+            return f"it has not answered within {CHECK_SECONDS:g} s"
+        except Exception as error:  # noqa: BLE001 - whatever it is, the part cannot be used; the log has the details
+            logger.warning("%s cannot be used: %s: %s", name, type(error).__name__, error)
+            return f"it cannot be used ({type(error).__name__})"
