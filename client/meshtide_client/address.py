@@ -113,6 +113,16 @@ class MeshAddress:
         return self._url("ws", "/stream")
 
     @property
+    def page_url(self) -> str:
+        """The address itself, with what `str` leaves out of it: user and password."""
+        return self._url("http", "")
+
+    @property
+    def file_url(self) -> str:
+        """Where its stream lies as a file."""
+        return self._url("http", ".tide")
+
+    @property
     def file_stem(self) -> str:
         """Its id as the stem of a file name: no separators, no leading dots.
 

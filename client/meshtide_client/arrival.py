@@ -1,7 +1,8 @@
 """A stream from its first packet to its last, across as many connections as it takes.
 
 What arrives goes into a holding. When the connection is lost, a new one is opened after a pause and asked only for
-what the holding lacks; when the server's stream has changed meanwhile, the holding starts over.
+what the holding lacks; when the server's stream has changed meanwhile, the holding starts over. Where one transport
+does not get through, the next one goes on: websocket, ranges over HTTP, a plain download.
 """
 
 from __future__ import annotations
@@ -11,15 +12,19 @@ import random
 from contextlib import aclosing
 from typing import TYPE_CHECKING
 
+from meshtide_client.file_session import FileSession
+from meshtide_client.file_transport import open_source, receive_file, transports_for
+from meshtide_client.tide_address import TideAddress
 from meshtide_client.transport import open_connection, receive_events
-from meshtide_codec.errors import PeerError, TransferError
+from meshtide_codec.errors import PeerError, ProtocolError, TransferError
 from meshtide_codec.stream.session import ClientSession, HeaderEvent, PacketEvent
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, Callable
 
-    from meshtide_client.address import MeshAddress
+    from meshtide_client.file_transport import TransportName
     from meshtide_client.holding import Holding
+    from meshtide_client.tide_address import Address
     from meshtide_client.transport import Link
     from meshtide_codec.limits import Limits
     from meshtide_codec.stream.session import Event, Until
@@ -32,24 +37,33 @@ class Arrival:
     """The events of one download.
 
     Args:
-        address: the mesh.
+        address: the mesh, or the file.
         holding: where packets go; what it holds already is not asked for.
         until: how much of the stream is wanted.
         link: how the connection is treated.
         notify: is told in one sentence when the connection is lost or the stream has changed.
         limits: what the header may claim.
+        transport: "auto" for whichever works first, or the one to use.
+
+    Raises:
+        OptionError: the address cannot be read by that transport.
     """
 
     def __init__(
         self,
-        address: MeshAddress,
+        address: Address,
         holding: Holding,
         *,
         until: Until,
         link: Link,
         notify: Callable[[str], None],
         limits: Limits | None = None,
+        transport: str = "auto",
     ) -> None:
+        self._transports = list(transports_for(address, transport))
+        self._used: str | None = None
+        self._first_problem: TransferError | ProtocolError | None = None
+        self._moved = False
         self._address = address
         self._holding = holding
         self._until = until
@@ -58,11 +72,17 @@ class Arrival:
         self._limits = limits
         self._failures = 0
         self._earlier_bytes = 0
-        self._session: ClientSession | None = None
+        self._session: ClientSession | FileSession | None = None
+        self._connected = False
+
+    @property
+    def transport(self) -> str | None:
+        """The transport that brought the last event."""
+        return self._used
 
     @property
     def received_bytes(self) -> int:
-        """Bytes of header and packet parts that have come over the network, over all connections."""
+        """Bytes of header and packets that have come over the network, over all connections."""
         return self._earlier_bytes + (self._session.received_bytes if self._session else 0)
 
     async def events(self) -> AsyncGenerator[Event, None]:
@@ -73,24 +93,22 @@ class Arrival:
             ProtocolError, PeerError, StreamError: the server is none, refused, or sent something damaged.
             OSError: the holding cannot be written.
         """
-        connected = False
         while True:
-            self._session = self._new_session()
+            name = self._transports[0]
+            self._earlier_bytes, self._session = self.received_bytes, None
+            attempt = self._over_websocket() if name == "websocket" else self._over_file(name)
             try:
-                connection = await open_connection(self._address, self._link)
-                connected = True
-                arriving = receive_events(connection, self._session, self._take, self._address, self._link)
-                async with aclosing(arriving) as events:
+                async with aclosing(attempt) as events:
                     async for event in events:
                         yield event
-            except (TransferError, PeerError) as error:
-                await self._pause(error, connected)
+            except (TransferError, ProtocolError) as error:
+                await self._recover(error)
             else:
                 return
 
-    def _new_session(self) -> ClientSession:
-        self._earlier_bytes = self.received_bytes
-        return ClientSession(
+    async def _over_websocket(self) -> AsyncGenerator[Event, None]:
+        assert not isinstance(self._address, TideAddress)  # noqa: S101 - transports_for() has seen to it
+        session = ClientSession(
             self._address.mesh,
             until=self._until,
             held_header=self._holding.header_bytes,
@@ -98,28 +116,85 @@ class Arrival:
             window=self._link.window,
             limits=self._limits,
         )
+        self._session = session
+        connection = await open_connection(self._address, self._link)
+        self._connected = True
+        arriving = receive_events(connection, session, self._take, self._address, self._link)
+        async with aclosing(arriving) as events:
+            async for event in events:
+                self._note("websocket")
+                yield event
+
+    async def _over_file(self, name: TransportName) -> AsyncGenerator[Event, None]:
+        session = FileSession(
+            until=self._until,
+            held_header=self._holding.header_bytes,
+            held=self._holding.count,
+            limits=self._limits,
+        )
+        self._session = session
+        source = open_source(self._address, name, self._link)
+        try:
+            arriving = receive_file(source, session, self._take, str(self._address), self._link)
+            async with aclosing(arriving) as events:
+                async for event in events:
+                    self._connected = True
+                    self._note(source.name)
+                    yield event
+        finally:
+            await source.close()
+
+    def _note(self, name: str) -> None:
+        """Note which transport works; a person hears of it if it is not the first one."""
+        if self._used != name and self._first_problem is not None:
+            self._notify(f"{self._first_problem}; reading by {name} instead")
+        self._used = name
 
     def _take(self, event: Event) -> None:
         if isinstance(event, PacketEvent):
             self._holding.append(event.index, event.data)
             self._failures = 0
+            self._moved = True
         elif isinstance(event, HeaderEvent) and not event.resumed:
             if self._holding.header is not None:
                 self._notify(f"the stream of {self._address.mesh} has changed on the server; the download starts over")
             self._holding.begin(event.header, event.header_bytes)
 
-    async def _pause(self, error: TransferError | PeerError, connected: bool) -> None:
-        """Wait before the next attempt, or raise `error` with what is held if there is to be none."""
+    async def _recover(self, error: TransferError | ProtocolError) -> None:
+        """Wait before the next attempt, turn to the next transport, or raise `error` with what is held."""
+        refused = isinstance(error, PeerError)
+        passing = isinstance(error, TransferError) or (isinstance(error, PeerError) and error.code in _PASSING_CODES)
+        if refused and not passing:
+            raise error
+        heard = self._connected or refused or (self._session is not None and self._session.received_bytes > 0)
+        if passing and heard and self._failures < self._link.retries:
+            await self._pause(error)
+            return
+        problem = self._with_what_is_held(error) if passing else error
+        if refused or len(self._transports) == 1:
+            raise self._verdict(problem) from error
+        self._first_problem = self._first_problem or problem
+        self._transports.pop(0)
+        self._failures, self._connected, self._moved = 0, False, False
+
+    def _verdict(self, last: TransferError | ProtocolError) -> TransferError | ProtocolError:
+        """What to raise once no transport is left: why the first one failed, unless a later one got further."""
+        first = self._first_problem
+        if first is None or self._moved or isinstance(last, PeerError):
+            return last
+        if isinstance(first, TransferError) and isinstance(last, TransferError):
+            return first
+        return type(first)(f"{first}; by {self._transports[0]}: {last}")
+
+    def _with_what_is_held(self, error: TransferError | ProtocolError) -> TransferError | PeerError:
+        attempts = f" after {self._failures} more attempts" if self._failures else ""
+        ending = f"{attempts}; {self._holding.told()}"
         if isinstance(error, PeerError):
-            if error.code not in _PASSING_CODES:
-                raise error
-            connected = True
-        if not connected or self._failures >= self._link.retries:
-            attempts = f" after {self._failures} more attempts" if self._failures else ""
-            ending = f"{attempts}; {self._holding.told()}"
-            if isinstance(error, PeerError):
-                raise PeerError(error.code, f"{error.message}{ending}") from error
-            raise TransferError(f"{error}{ending}") from error
+            return PeerError(error.code, f"{error.message}{ending}")
+        return TransferError(f"{error}{ending}")
+
+    async def _pause(self, error: TransferError | ProtocolError) -> None:
+        """Wait before the next attempt."""
         seconds = min(self._link.delay * 2**self._failures, self._link.longest_delay)
         seconds *= random.uniform(0.75, 1.25)  # noqa: S311 - spreads the clients of a server that comes back; no secret
         self._failures += 1

@@ -1,4 +1,4 @@
-"""The client's part of the command `meshtide`: fetch, meshes, demo; `render` comes from `rendering`.
+"""The client's part of the command `meshtide`: fetch, meshes, export, demo; `render` comes from `rendering`.
 
 Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
 """
@@ -14,6 +14,9 @@ from meshtide_client.rendering.commands import register as register_rendering
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news until the connection counts as lost.")]
+TokenFileOption = Annotated[
+    Path | None, typer.Option(help="File that holds the token for the server; without it, MESHTIDE_TOKEN is the token.")
+]
 RateOption = Annotated[float | None, typer.Option(help="Take no more than so many bytes a second.")]
 
 
@@ -21,12 +24,15 @@ def register(app: typer.Typer) -> None:
     """Add the client's commands to `app`."""
     app.command()(fetch)
     app.command()(meshes)
+    app.command()(export)
     app.command()(demo)
     register_rendering(app)
 
 
 def fetch(
-    url: Annotated[str, typer.Argument(help="Address of the mesh, such as http://host:port/meshes/ID.")],
+    url: Annotated[
+        str, typer.Argument(help="The mesh: http://host:port/meshes/ID, or any .tide file: its URL, s3://..., a path.")
+    ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Mesh file to write; default: the mesh's id with .ply.")
     ] = None,
@@ -47,6 +53,10 @@ def fetch(
     timeout: TimeoutOption = 30.0,
     retries: Annotated[int, typer.Option(min=0, help="How often to reconnect without progress before giving up.")] = 5,
     rate: RateOption = None,
+    transport: Annotated[
+        str, typer.Option(help="websocket, http (ranges), download (one plain request); auto: the first that works.")
+    ] = "auto",
+    token_file: TokenFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fetch a mesh from a server, level by level.
@@ -56,13 +66,14 @@ def fetch(
 
     Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny -o bunny.ply --max-error 0.005
     """
-    from meshtide_client.address import MeshAddress
+    from meshtide_client.credentials import find_token
     from meshtide_client.display import Display, result_json, result_line
     from meshtide_client.fetching import fetch as fetch_mesh
+    from meshtide_client.tide_address import parse_address
     from meshtide_client.transport import Link
     from meshtide_codec.stream.session import Until
 
-    address = MeshAddress.parse(url)
+    address = parse_address(url)
     target = output or Path(f"{address.file_stem}.ply")
     display = Display(address.mesh)
     with display.shown():
@@ -72,7 +83,8 @@ def fetch(
             until=Until(until_level, max_error, max_bytes),
             stream_file=stream_file,
             keep_levels=keep_levels,
-            link=Link(timeout=timeout, retries=retries, rate=rate),
+            link=Link(timeout=timeout, retries=retries, rate=rate, token=find_token(token_file)),
+            transport=transport,
             on_level=display.on_level,
             notify=display.notify,
             progress=display.progress,
@@ -86,6 +98,7 @@ def fetch(
 def meshes(
     url: Annotated[str, typer.Argument(help="Address of the server: http://host:port.")],
     timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """List the meshes that a server hosts.
@@ -95,9 +108,10 @@ def meshes(
     from dataclasses import asdict
 
     from meshtide_client.address import ServerAddress
+    from meshtide_client.credentials import find_token
     from meshtide_client.listing import list_meshes
 
-    hosted = list_meshes(url, timeout=timeout)
+    hosted = list_meshes(url, timeout=timeout, token=find_token(token_file))
     if as_json:
         _print_json({"server": str(ServerAddress.parse(url)), "meshes": [asdict(mesh) for mesh in hosted]})
         return
@@ -105,6 +119,45 @@ def meshes(
     from meshtide_codec.command_line import wide_console
 
     wide_console().print(listing_table(hosted) if hosted else "the server hosts no meshes")
+
+
+def export(
+    sources: Annotated[
+        list[str],
+        typer.Argument(help="Meshes, .tide files, folders of them, or addresses: of servers, meshes, .tide files."),
+    ],
+    static: Annotated[Path, typer.Option(help="Folder to write to; any web server can host it.")],
+    bits: Annotated[int, typer.Option("-B", "--bits", help="Bits per coordinate for meshes encoded here.")] = 12,
+    profile: Annotated[str, typer.Option(help="How meshes are encoded here: compact or classic.")] = "compact",
+    timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a folder of .tide files, with a list of them, that works on any web server.
+
+    Example: meshtide export scans/ http://localhost:8000 --static site; python -m http.server --directory site
+    """
+    import asyncio
+    from dataclasses import asdict
+
+    from meshtide_client.credentials import find_token
+    from meshtide_client.static_export import export_static
+    from meshtide_client.transport import Link
+    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.command_options import profile_options
+
+    options = profile_options(profile, bits, {}, {})
+    link = Link(timeout=timeout, token=find_token(token_file))
+
+    def notify(sentence: str) -> None:
+        typer.echo(sentence, err=True)
+
+    with progress_bar("export"):
+        exported = asyncio.run(export_static(sources, static, options=options, link=link, notify=notify))
+    if as_json:
+        _print_json({"folder": str(static), "meshes": [asdict(mesh) for mesh in exported]})
+    else:
+        typer.echo(f"{static}: {len(exported)} meshes, {sum(mesh.bytes or 0 for mesh in exported)} bytes")
 
 
 def demo(

@@ -87,6 +87,7 @@ def result_json(result: FetchResult, *, output: Path, stream_file: Path | None) 
         "output": str(output),
         "stream_file": None if stream_file is None else str(stream_file),
         **figures,
+        "transport": result.transport,
         "received_bytes": result.received_bytes,
         "complete": not result.more,
         "levels": [asdict(level) for level in result.levels],

@@ -14,10 +14,10 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
-from meshtide_client.address import MeshAddress
 from meshtide_client.holding import Holding
 from meshtide_client.partial_file import PartialFile
 from meshtide_client.streaming import Reception
+from meshtide_client.tide_address import parse_address
 from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.files import MESH_SUFFIXES, is_mesh_path, save_mesh
 from meshtide_codec.stream.container import PREAMBLE_BYTES
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from meshtide_client.streaming import LevelFigures, ReceivedLevel
+    from meshtide_client.tide_address import Address
     from meshtide_client.transport import Link
     from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
@@ -46,9 +47,10 @@ class FetchResult:
         received_bytes: bytes of header and packets that came over the network this time.
         more: whether the stream goes on after what was asked for.
         seconds: from the start to the end.
+        transport: how it came: websocket, http, download, s3 or local.
     """
 
-    address: MeshAddress
+    address: Address
     header: StreamHeader
     mesh: Mesh
     figures: LevelFigures
@@ -56,6 +58,7 @@ class FetchResult:
     received_bytes: int
     more: bool
     seconds: float
+    transport: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +122,13 @@ def fetch(
     on_level: Callable[[ReceivedLevel], None] | None = None,
     notify: Callable[[str], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
+    transport: str = "auto",
 ) -> FetchResult:
     """Fetch the mesh at `url`, and wait until it is there.
 
     Args:
-        url: the mesh's address, such as ``http://localhost:8000/meshes/stanford-bunny``.
+        url: the mesh's address, such as ``http://localhost:8000/meshes/stanford-bunny``, or that of a `.tide` file
+            on any web server, in a bucket (``s3://bucket/bunny.tide``) or on this machine.
         output: file to write the mesh to; an existing one is replaced only when all is there. While packets arrive
             they are kept beside it in a file that ends in ``.partial.tide``; the next fetch goes on from there.
         until: how much of the mesh is wanted; all when left out.
@@ -134,20 +139,32 @@ def fetch(
         on_level: is called with each level as it arrives.
         notify: is told in one sentence what a person should know, such as that a connection was lost.
         progress: is called with the bytes of the file that are there, and that there will be.
+        transport: "websocket", "http" (ranges of the file), "download" (one plain request), or "auto" for the first
+            of them that works.
 
     Raises:
-        OptionError: `url` is not the address of a mesh, or `until` allows less than the coarsest level.
+        OptionError: `url` is not the address of a mesh, or cannot be read by that transport, or `until` allows less
+            than the coarsest level.
         TransferError: there was no connection, or it was lost too often; the message says what is kept.
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
         StreamError: the stream is damaged or over the limits.
         MeshFileError, OSError: a file cannot be written.
     """
-    address = MeshAddress.parse(url)
+    address = parse_address(url)
     destination = Destination(_path(output), _path(stream_file), _path(keep_levels))
     destination.prepare()
     holding = destination.open(limits, notify)
     try:
-        reception = Reception(address, holding, until=until, link=link, limits=limits, notify=notify, progress=progress)
+        reception = Reception(
+            address,
+            holding,
+            until=until,
+            link=link,
+            limits=limits,
+            notify=notify,
+            progress=progress,
+            transport=transport,
+        )
         result = _run(_Fetch(address, destination, reception, on_level))
         if destination.output is not None:
             _save(result.mesh, destination.output)
@@ -166,7 +183,7 @@ def fetch(
 class _Fetch:
     """One fetch under way."""
 
-    address: MeshAddress
+    address: Address
     destination: Destination
     reception: Reception
     on_level: Callable[[ReceivedLevel], None] | None
@@ -198,6 +215,7 @@ class _Fetch:
             received_bytes=self.reception.received_bytes,
             more=self.reception.more,
             seconds=self.reception.seconds,
+            transport=self.reception.transport or "none",
         )
 
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import httpx
 
 from meshtide_client.address import ServerAddress
+from meshtide_client.credentials import authorization, find_token
+from meshtide_client.problem import read_problem
 from meshtide_codec.errors import PeerError, ProtocolError, TransferError
 from meshtide_codec.stream import plain_values
 
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 _DEFAULT_TIMEOUT = 30.0
 _LONGEST_TEXT = 1000
 _LARGEST_ANSWER = 1 << 26
+STATIC_INDEX = "index.json"
+"""Name of the list of meshes in the folder `meshes` of a static copy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +53,13 @@ class HostedMesh:
     bytes: int | None
 
 
-def list_meshes(url: str, *, timeout: float = _DEFAULT_TIMEOUT) -> tuple[HostedMesh, ...]:
-    """The meshes of the server at `url`, such as ``http://localhost:8000``.
+def list_meshes(url: str, *, timeout: float = _DEFAULT_TIMEOUT, token: str | None = None) -> tuple[HostedMesh, ...]:
+    """The meshes of the server at `url`, such as ``http://localhost:8000``, or of a static copy of one.
+
+    Args:
+        url: the server's address.
+        timeout: seconds without any news.
+        token: to be shown to the server, or None for that of the environment.
 
     Raises:
         OptionError: `url` is not the address of a server.
@@ -58,7 +67,18 @@ def list_meshes(url: str, *, timeout: float = _DEFAULT_TIMEOUT) -> tuple[HostedM
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
     """
     server = ServerAddress.parse(url)
-    answer = _get(server, server.listing_url, timeout)
+    token = token or find_token()
+    try:
+        answer = _get(server, server.listing_url, timeout, token)
+        if answer is None:
+            raise ProtocolError(f"{server.listing_url} does not list meshes (no JSON); check the address")
+    except PeerError:
+        raise
+    except ProtocolError as error:
+        try:  # a static copy has the list in a file
+            answer = _get(server, f"{server.listing_url}/{STATIC_INDEX}", timeout, token)
+        except (ProtocolError, TransferError):
+            raise error from None
     try:
         if isinstance(answer, dict):
             answer = answer.get("meshes")
@@ -67,10 +87,15 @@ def list_meshes(url: str, *, timeout: float = _DEFAULT_TIMEOUT) -> tuple[HostedM
         raise ProtocolError(f"{server.listing_url} does not list meshes ({error}); check the address") from error
 
 
-def _get(server: ServerAddress, url: str, timeout: float) -> Any:  # noqa: ANN401 - anything may come
+def _get(server: ServerAddress, url: str, timeout: float, token: str | None) -> Any:  # noqa: ANN401 - anything may come
     try:
         with (
-            httpx.Client(timeout=timeout, trust_env=not server.is_loopback, follow_redirects=True) as client,
+            httpx.Client(
+                timeout=timeout,
+                trust_env=not server.is_loopback,
+                follow_redirects=True,
+                headers=authorization(token),
+            ) as client,
             client.stream("GET", url) as response,
         ):
             body = bytearray()
@@ -86,8 +111,8 @@ def _get(server: ServerAddress, url: str, timeout: float) -> Any:  # noqa: ANN40
         raise TransferError(f"cannot reach {server}: {error}") from error
     value = _json(bytes(body))
     if response.status_code != httpx.codes.OK:
-        if isinstance(value, dict) and {"error", "message"} <= set(value):
-            raise PeerError(str(value["error"])[:_LONGEST_TEXT], str(value["message"])[:_LONGEST_TEXT])
+        if (problem := read_problem(bytes(body))) is not None:
+            raise problem
         raise ProtocolError(f"{url} answered with HTTP status {response.status_code}; check the address")
     return value
 

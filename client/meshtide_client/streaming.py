@@ -10,11 +10,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshtide_client.address import MeshAddress
 from meshtide_client.arrival import Arrival
 from meshtide_client.decoding_thread import DecodingThread
 from meshtide_client.holding import Holding
 from meshtide_client.partial_file import PartialFile
+from meshtide_client.tide_address import parse_address
 from meshtide_client.transport import Link
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.stream.container import PREAMBLE_BYTES
@@ -25,6 +25,7 @@ from meshtide_codec.stream.session import DoneEvent, HeaderEvent, PacketEvent, U
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, Callable, Iterable
 
+    from meshtide_client.tide_address import Address
     from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.stream.header import StreamHeader
@@ -80,11 +81,13 @@ async def stream(
     link: Link | None = None,
     limits: Limits | None = None,
     notify: Callable[[str], None] | None = None,
+    transport: str = "auto",
 ) -> AsyncGenerator[ReceivedLevel, None]:
     """The levels of the mesh at `url` as they become available, coarse to fine.
 
     Args:
-        url: the mesh's address, such as ``http://localhost:8000/meshes/stanford-bunny``.
+        url: the mesh's address, such as ``http://localhost:8000/meshes/stanford-bunny``, or that of a `.tide` file
+            on any web server, in a bucket (``s3://bucket/bunny.tide``) or on this machine.
         until: how much of it is wanted; all when left out.
         resume: a file where packets are kept as they arrive. What it holds from an earlier download is not
             fetched again; its levels come first. When the stream is complete it is a whole `.tide` file.
@@ -92,9 +95,11 @@ async def stream(
         limits: what the stream may claim of memory.
         notify: is told in one sentence when a connection was lost, a file was damaged, or the stream has changed
             on the server; in the last case the coarsest level comes again, of the new stream.
+        transport: "websocket", "http" (ranges of the file), "download" (one plain request), or "auto" for the first
+            of them that works.
 
     Raises:
-        OptionError: `url` is not the address of a mesh.
+        OptionError: `url` is not the address of a mesh, or cannot be read by that transport.
         TransferError: there was no connection, or it was lost too often; what arrived stays in `resume`.
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
         StreamError: the stream is damaged or over the limits.
@@ -107,9 +112,11 @@ async def stream(
                 if level.rms < 0.001:
                     break
     """
-    address = MeshAddress.parse(url)
+    address = parse_address(url)
     with closing(PartialFile(Path(resume), limits=limits, notify=notify) if resume else Holding()) as holding:
-        reception = Reception(address, holding, until=until, link=link, limits=limits, notify=notify)
+        reception = Reception(
+            address, holding, until=until, link=link, limits=limits, notify=notify, transport=transport
+        )
         async with aclosing(reception.levels()) as levels:
             async for level in levels:
                 yield level
@@ -126,11 +133,12 @@ class Reception:
         limits: what the stream may claim.
         notify: is told in one sentence what a person should know.
         progress: is called with the bytes of the file that are there, and that there will be.
+        transport: as in `stream`.
     """
 
     def __init__(
         self,
-        address: MeshAddress,
+        address: Address,
         holding: Holding,
         *,
         until: Until | None = None,
@@ -138,6 +146,7 @@ class Reception:
         limits: Limits | None = None,
         notify: Callable[[str], None] | None = None,
         progress: Callable[[int, int], None] | None = None,
+        transport: str = "auto",
     ) -> None:
         self._until = _sendable(until or Until())
         self._limits = limits
@@ -150,6 +159,7 @@ class Reception:
             link=link or Link(),
             notify=notify or (lambda _: None),
             limits=limits,
+            transport=transport,
         )
         self._decoder: Decoder | None = None
         self._decoded = 0
@@ -168,6 +178,11 @@ class Reception:
     def received_bytes(self) -> int:
         """Bytes of header and packets that have come over the network."""
         return self._arrival.received_bytes
+
+    @property
+    def transport(self) -> str | None:
+        """The transport that brought what has come."""
+        return self._arrival.transport
 
     @property
     def seconds(self) -> float:

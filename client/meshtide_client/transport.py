@@ -14,12 +14,14 @@ import re
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage, InvalidStatus, WebSocketException
 
+from meshtide_client.credentials import authorization, find_token
+from meshtide_client.problem import read_problem
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, StreamError, TransferError
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_codec.stream.session import DEFAULT_WINDOW, error_frame
@@ -53,6 +55,7 @@ class Link:
         longest_delay: bound of that.
         window: bytes in flight that the server is allowed.
         rate: bytes a second at which frames are taken, to see a slow link on a fast one; None for no bound.
+        token: what is shown to a meshtide server that asks for one; that of the environment when left out.
 
     Raises:
         OptionError: a value that makes no sense.
@@ -64,6 +67,7 @@ class Link:
     longest_delay: float = 10.0
     window: int = DEFAULT_WINDOW
     rate: float | None = None
+    token: str | None = field(default_factory=find_token, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("timeout", "delay", "longest_delay", "window"):
@@ -73,6 +77,10 @@ class Link:
             raise OptionError(f"the retries of a link must not be negative: {self.retries}")
         if self.rate is not None and not self.rate > 0:
             raise OptionError(f"the rate of a link must be positive, not {self.rate}")
+
+    def without_token(self) -> Link:
+        """The same, for a server that is none of meshtide's."""
+        return replace(self, token=None)
 
 
 class Connection(ClientConnection):
@@ -92,10 +100,12 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
     Raises:
         TransferError: there is no connection.
         ProtocolError: something answers that is not a meshtide server.
+        PeerError: the server refused.
     """
     try:
         connection = await connect(
             address.stream_url,
+            additional_headers=authorization(link.token),
             compression=None,  # packets are compressed
             max_size=LARGEST_MESSAGE,
             open_timeout=link.timeout,
@@ -108,6 +118,8 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
         assert isinstance(connection, Connection)  # noqa: S101 - made right above
     except InvalidStatus as error:
         status = error.response.status_code
+        if (problem := read_problem(bytes(error.response.body or b""))) is not None:
+            raise problem from error
         if status in _BUSY_STATUSES:
             raise TransferError(f"{address.server} is not available now (HTTP status {status})") from error
         raise ProtocolError(
@@ -116,7 +128,10 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
     except InvalidMessage as error:
         if isinstance(error.__cause__, EOFError):
             raise TransferError(f"{address.server} closed the connection before it was open") from error
-        raise ProtocolError(f"what answers at {address.server} is not a web server; check the address") from error
+        what = (
+            "speaks no websockets" if "HTTP/1.0" in str(error.__cause__) else "is not a web server; check the address"
+        )
+        raise ProtocolError(f"what answers at {address.server} {what}") from error
     except InvalidHandshake as error:
         raise ProtocolError(f"{address.stream_url} does not answer as a websocket: {error}") from error
     except TimeoutError as error:

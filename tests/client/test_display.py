@@ -31,6 +31,7 @@ def result(**changes: Any) -> FetchResult:
         "received_bytes": 7000,
         "more": False,
         "seconds": 0.75,
+        "transport": "websocket",
     }
     return FetchResult(**(settings | changes))
 
@@ -57,6 +58,7 @@ def test_the_answer_for_programs_is_json() -> None:
     assert answer["stream_file"] == "vase.tide"
     assert (answer["level"], answer["vertices"], answer["faces"], answer["size"]) == (0, 1000, 2000, 7000)
     assert answer["complete"] is True
+    assert answer["transport"] == "websocket"
     assert answer["seconds"] == 0.75
     assert answer["levels"][0]["seconds"] == 0.5
 

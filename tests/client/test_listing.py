@@ -63,7 +63,7 @@ def answering(body: bytes, status: int = 200) -> Iterator[str]:
         server.shutdown()
         thread.join()
         server.server_close()
-    assert set(asked) <= {"/meshes"}
+    assert set(asked) <= {"/meshes", "/meshes/index.json"}
 
 
 @pytest.mark.parametrize("wrapped", [False, True])

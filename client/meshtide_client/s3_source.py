@@ -1,0 +1,98 @@
+"""A `.tide` file in an S3-compatible object store, read with obstore (extra `s3`).
+
+Credentials, region and endpoint come from the environment as other programs have them (AWS_ACCESS_KEY_ID,
+AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_ENDPOINT_URL ...); without an access key, requests are not signed, which is what
+public buckets want.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import asynccontextmanager
+from datetime import timedelta
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from meshtide_client.byte_source import Reading
+from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+_CREDENTIALS = ("AWS_ACCESS_KEY_ID", "AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI")
+
+
+class S3Source:
+    """A file in a bucket.
+
+    Args:
+        url: such as ``s3://bucket/scans/vase.tide``.
+        timeout: seconds that one request may take to begin.
+
+    Raises:
+        OptionError: the extra is not installed.
+    """
+
+    name = "s3"
+
+    def __init__(self, url: str, timeout: float) -> None:
+        try:
+            obstore: Any = import_module("obstore")  # an extra; without it there are no types either
+            stores: Any = import_module("obstore.store")
+        except ImportError as error:
+            raise OptionError("reading s3:// takes the extra s3: pip install 'meshtide[s3]'") from error
+        parts = urlsplit(url)
+        settings: dict[str, Any] = {}
+        endpoint = os.environ.get("AWS_ENDPOINT_URL") or os.environ.get("AWS_ENDPOINT")
+        if endpoint:
+            settings["endpoint"] = endpoint
+        if not any(os.environ.get(name) for name in _CREDENTIALS):
+            settings["skip_signature"] = True
+        options: dict[str, Any] = {"timeout": timedelta(seconds=timeout)}
+        if endpoint and endpoint.startswith("http://"):
+            options["allow_http"] = True
+        self._url = url
+        self._obstore = obstore
+        self._errors = obstore.exceptions
+        self._key = parts.path.lstrip("/")
+        self._tag: str | None = None
+        self._store = stores.S3Store(
+            parts.netloc,
+            client_options=options,
+            retry_config={"max_retries": 0},
+            **settings,
+        )
+
+    @asynccontextmanager
+    async def read(self, start: int, end: int | None) -> AsyncIterator[Reading]:
+        """See ByteSource."""
+        options: dict[str, Any] = {"range": {"offset": start} if end is None else (start, end)}
+        if self._tag is not None:
+            options["if_match"] = self._tag
+        try:
+            answer = await self._obstore.get_async(self._store, self._key, options=options)
+            self._tag = answer.meta.get("e_tag")
+            yield Reading(start, ranged=True, pieces=_pieces(answer), size=answer.meta["size"])
+        except FileNotFoundError as error:
+            raise ProtocolError(f"there is no {self._url}; check the address") from error
+        except (self._errors.UnauthenticatedError, self._errors.PermissionDeniedError) as error:
+            message = f"{self._url} may not be read with the credentials of the environment (AWS_ACCESS_KEY_ID ...)"
+            raise PeerError("unauthorized", message) from error
+        except self._errors.PreconditionError as error:
+            self._tag = None
+            raise TransferError(f"{self._url} has changed while it was read") from error
+        except (self._errors.BaseError, OSError) as error:
+            raise TransferError(f"cannot read {self._url}: {_first_line(error)}") from error
+
+    async def close(self) -> None:
+        """The store closes its connections by itself."""
+
+
+async def _pieces(answer: Any) -> AsyncIterator[bytes]:  # noqa: ANN401 - obstore is an extra
+    async for piece in answer.stream():
+        yield bytes(piece)
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition("\n")[0][:300]

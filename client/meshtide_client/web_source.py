@@ -1,0 +1,123 @@
+"""A `.tide` file on a web server, read with range requests or as one plain download.
+
+The entity tag of the first answer goes along with every later request (If-Match), so that bytes of two states of a
+file are never mixed. Compression by the server is declined: packets are compressed.
+"""
+
+from __future__ import annotations
+
+import re
+from contextlib import asynccontextmanager
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+
+import httpx
+
+from meshtide_client.byte_source import Reading
+from meshtide_client.credentials import authorization
+from meshtide_client.problem import LARGEST_PROBLEM, read_problem
+from meshtide_codec.errors import PeerError, ProtocolError, TransferError, TruncatedError
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from meshtide_client.transport import Link
+
+_BUSY = frozenset({429, 500, 502, 503, 504})
+_CONTENT_RANGE = re.compile(r"bytes ([0-9]{1,18})-([0-9]{1,18})/(?:([0-9]{1,18})|\*)", re.ASCII)
+
+
+class WebSource:
+    """A file on a web server.
+
+    Args:
+        url: of the file.
+        shown: the same for messages.
+        link: timeout and token.
+        ranges: whether ranges are asked for.
+        local: whether the server is on this machine, so that no proxy stands between.
+    """
+
+    def __init__(self, url: str, shown: str, link: Link, *, ranges: bool, local: bool) -> None:
+        self.name = "http" if ranges else "download"
+        self._url = url
+        self._shown = shown
+        self._link = link
+        self._ranges = ranges
+        self._tag: str | None = None
+        self._client = httpx.AsyncClient(
+            timeout=link.timeout,
+            trust_env=not local,
+            follow_redirects=True,
+            headers={"Accept-Encoding": "identity", **authorization(link.token)},
+        )
+
+    @asynccontextmanager
+    async def read(self, start: int, end: int | None) -> AsyncIterator[Reading]:
+        """See ByteSource."""
+        headers = {}
+        if self._ranges:
+            headers["Range"] = f"bytes={start}-{'' if end is None else end - 1}"
+            if self._tag is not None:
+                headers["If-Match"] = self._tag
+        try:
+            async with self._client.stream("GET", self._url, headers=headers) as answer:
+                yield await self._reading(answer, start, end)
+        except httpx.TimeoutException as error:
+            raise TransferError(f"nothing came from {self._shown} for {self._link.timeout:g} seconds") from error
+        except (httpx.RemoteProtocolError, httpx.DecodingError) as error:
+            raise TransferError(f"the connection to {self._shown} was lost ({error})") from error
+        except httpx.TooManyRedirects as error:
+            raise ProtocolError(f"{self._shown} is redirected without end; check the address") from error
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            raise TransferError(f"cannot read {self._shown}: {error}") from error
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._client.aclose()
+
+    async def _reading(self, answer: httpx.Response, start: int, end: int | None) -> Reading:
+        status = answer.status_code
+        if status not in {HTTPStatus.OK, HTTPStatus.PARTIAL_CONTENT}:
+            raise await self._refusal(answer, start)
+        if answer.headers.get("Content-Encoding", "identity") != "identity":
+            raise ProtocolError(f"{self._shown} comes compressed by the server, though that was declined")
+        tag = answer.headers.get("ETag", "")
+        if status == HTTPStatus.OK:
+            length = answer.headers.get("Content-Length", "")
+            size = int(length) if length.isascii() and length.isdigit() else None
+            self.name = "download"  # what it is, whatever was asked for
+            return Reading(0, ranged=False, pieces=answer.aiter_raw(), size=size)
+        found = _CONTENT_RANGE.fullmatch(answer.headers.get("Content-Range", "").strip())
+        if not self._ranges or found is None or int(found[1]) != start or (end is not None and int(found[2]) >= end):
+            raise ProtocolError(f"{self._shown} answers with another range than the one that was asked for")
+        if tag.startswith('"'):  # a strong one
+            self._tag = tag
+        size = None if found[3] is None else int(found[3])
+        return Reading(start, ranged=True, pieces=answer.aiter_raw(), size=size)
+
+    async def _refusal(self, answer: httpx.Response, start: int) -> Exception:
+        """What an answer without the file means."""
+        status = answer.status_code
+        if status == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+            return TruncatedError(f"{self._shown} ends before byte {start}")
+        if status == HTTPStatus.PRECONDITION_FAILED and self._tag is not None:
+            self._tag = None
+            return TransferError(f"{self._shown} has changed while it was read")
+        if (problem := read_problem(await _body(answer))) is not None:
+            return problem
+        if status in _BUSY:
+            return TransferError(f"{self._shown} is not available now (HTTP status {status})")
+        if status in {HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN}:
+            return PeerError("unauthorized", f"{self._shown} may not be read (HTTP status {status})")
+        return ProtocolError(f"{self._shown} answered with HTTP status {status}; check the address")
+
+
+async def _body(answer: httpx.Response) -> bytes:
+    """The body of a refusal, as far as it is worth reading."""
+    body = bytearray()
+    async for piece in answer.aiter_raw():
+        body += piece
+        if len(body) > LARGEST_PROBLEM:
+            break
+    return bytes(body)

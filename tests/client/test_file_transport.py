@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from meshtide_client import file_session
+from meshtide_client.file_transport import transports_for
+from meshtide_client.streaming import stream
+from meshtide_client.tide_address import parse_address
+from meshtide_client.transport import Link
+from meshtide_codec.errors import (
+    ContainerError,
+    OptionError,
+    PacketError,
+    PeerError,
+    ProtocolError,
+    StreamError,
+    TransferError,
+    TruncatedError,
+)
+from meshtide_codec.stream.session import Until
+from streams import encoded_grid
+from web_server import WebServer, web_server
+
+ENCODED = encoded_grid()
+WHOLE = ENCODED.to_bytes()
+LEVELS = [row.level for row in ENCODED.header.levels]
+QUICK = Link(retries=2, delay=0.001)
+
+
+async def levels(url: str, **settings: Any) -> list[int]:
+    return [level.level async for level in stream(url, **{"link": QUICK, **settings})]
+
+
+@pytest.mark.parametrize(
+    ("url", "choice", "names"),
+    [
+        ("http://h/meshes/vase", "auto", ["websocket", "http", "download"]),
+        ("http://h/meshes/vase", "http", ["http"]),
+        ("http://h/vase.tide", "auto", ["http", "download"]),
+        ("http://h/vase.tide", "download", ["download"]),
+        ("s3://b/vase.tide", "auto", ["s3"]),
+        ("vase.tide", "auto", ["local"]),
+    ],
+)
+def test_transports_of_an_address(url: str, choice: str, names: list[str]) -> None:
+    assert list(transports_for(parse_address(url), choice)) == names
+
+
+@pytest.mark.parametrize(("url", "choice"), [("http://h/meshes/v", "pigeon"), ("http://h/v.tide", "websocket")])
+def test_impossible_transports_are_refused(url: str, choice: str) -> None:
+    with pytest.raises(OptionError, match=choice):
+        transports_for(parse_address(url), choice)
+
+
+@pytest.mark.parametrize("ranges", [True, False])
+@pytest.mark.parametrize("transport", ["auto", "http", "download"])
+async def test_every_level_comes_from_any_web_server(ranges: bool, transport: str, tmp_path: Path) -> None:
+    path = tmp_path / "vase.tide"
+    with web_server(WebServer(WHOLE, ranges=ranges)) as server:
+        assert await levels(f"{server.url}/vase.tide", transport=transport, resume=path) == LEVELS
+    assert path.read_bytes() == WHOLE
+    assert (server.requests[0][1] is None) == (transport == "download")
+
+
+async def test_only_what_is_wanted_is_read_and_only_what_is_missing_later(tmp_path: Path) -> None:
+    path = tmp_path / "vase.tide"
+    with web_server(WebServer(WHOLE)) as server:
+        first = await levels(f"{server.url}/vase.tide", until=Until(level=LEVELS[1]), resume=path)
+        held = path.stat().st_size
+        assert held < len(WHOLE)
+        server.requests.clear()
+        assert await levels(f"{server.url}/vase.tide", resume=path) == LEVELS
+    assert first == LEVELS[:2]
+    assert server.requests[1] == ("/vase.tide", f"bytes={held}-{len(WHOLE) - 1}")
+    assert path.read_bytes() == WHOLE
+
+
+async def test_a_plain_download_stops_when_there_is_enough() -> None:
+    content = WHOLE + bytes(1 << 23)  # what follows is never looked at
+    with web_server(WebServer(content)) as server:
+        assert await levels(f"{server.url}/v.tide", transport="download", until=Until(level=LEVELS[0])) == LEVELS[:1]
+    assert server.sent < len(content)
+
+
+@pytest.mark.parametrize("transport", ["http", "download"])
+async def test_a_connection_that_is_cut_goes_on_where_it_was(transport: str, tmp_path: Path) -> None:
+    path = tmp_path / "vase.tide"
+    cuts = [len(WHOLE) // 3, len(WHOLE) // 2]
+    told: list[str] = []
+    with web_server(WebServer(WHOLE, cuts=cuts)) as server:
+        assert await levels(f"{server.url}/v.tide", transport=transport, resume=path, notify=told.append) == LEVELS
+    assert path.read_bytes() == WHOLE
+    assert any("trying again" in sentence for sentence in told)
+
+
+async def test_a_file_that_changes_meanwhile_is_read_anew(tmp_path: Path) -> None:
+    path = tmp_path / "vase.tide"
+    path.write_bytes(encoded_grid(12).to_bytes())
+    told: list[str] = []
+    with web_server(WebServer(WHOLE)) as server:
+        assert await levels(f"{server.url}/vase.tide", resume=path, notify=told.append) == LEVELS
+    assert path.read_bytes() == WHOLE
+    assert any("has changed" in sentence for sentence in told)
+
+
+async def test_a_file_that_changes_between_two_requests_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(file_session, "FIRST_BYTES", 40)
+    server = WebServer(WHOLE)
+    answer = server.answer
+
+    def changing(request: Any) -> None:
+        answer(request)
+        server.tag = f'"{len(server.requests)}"'
+
+    monkeypatch.setattr(server, "answer", changing)
+    with web_server(server), pytest.raises(TransferError, match="has changed while it was read after 2 more attempts"):
+        await levels(f"{server.url}/vase.tide", transport="http")
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"content": b"<!doctype html>" * 9}, ContainerError, "not a .tide file"),
+        ({"content": WHOLE[:-1]}, TruncatedError, "ends after"),
+        ({"content": WHOLE[:20]}, TruncatedError, "inside its header"),
+        ({"content": WHOLE[:-1] + b"\x00\x01"}, StreamError, "damaged"),
+        ({"content": WHOLE[:-1] + bytes([WHOLE[-1] ^ 1])}, PacketError, "is damaged"),
+        ({"content": WHOLE, "shift": 1}, ProtocolError, "another range"),
+        ({"content": WHOLE, "headers": {"Content-Encoding": "gzip"}}, ProtocolError, "compressed"),
+        ({"content": WHOLE, "status": 404}, ProtocolError, "HTTP status 404; check the address"),
+        ({"content": WHOLE, "status": 403}, PeerError, "may not be read"),
+        ({"content": WHOLE, "status": 503}, TransferError, "not available now"),
+        ({"content": WHOLE, "status": 404, "problem": b'{"error": "gone", "message": "moved"}'}, PeerError, "moved"),
+    ],
+)
+async def test_what_is_wrong_is_told(settings: dict[str, Any], error: type[Exception], message: str) -> None:
+    with web_server(WebServer(**settings)) as server, pytest.raises(error, match=message):
+        await levels(f"{server.url}/vase.tide", transport="http")
+
+
+async def test_wrong_ranges_are_answered_by_a_plain_download() -> None:
+    told: list[str] = []
+    with web_server(WebServer(WHOLE, shift=1)) as server:
+        assert await levels(f"{server.url}/vase.tide", notify=told.append) == LEVELS
+    assert len(told) == 1
+    assert "answers with another range" in told[0]
+    assert told[0].endswith("; reading by download instead")
+
+
+async def test_a_host_without_websockets_is_read_over_http() -> None:
+    told: list[str] = []
+    with web_server(WebServer(WHOLE)) as server:
+        assert await levels(f"{server.url}/meshes/vase", notify=told.append) == LEVELS
+    assert [path for path, _ in server.requests] == ["/meshes/vase/stream"] + ["/meshes/vase.tide"] * (
+        len(server.requests) - 1
+    )
+    assert len(told) == 1
+    assert "reading by http instead" in told[0]
+
+
+async def test_the_token_goes_to_servers_of_meshtide_only() -> None:
+    link = Link(retries=0, token="my-own-token")  # noqa: S106
+    with web_server(WebServer(WHOLE)) as server:
+        await levels(f"{server.url}/vase.tide", link=link)
+        assert set(server.authorizations) == {None}
+        server.authorizations.clear()
+        await levels(f"{server.url}/meshes/vase", link=link)
+        assert set(server.authorizations) == {"Bearer my-own-token"}
+
+
+async def test_local_files_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "vase.tide"
+    path.write_bytes(WHOLE)
+    assert await levels(str(path)) == LEVELS
+    assert await levels(path.as_uri(), until=Until(level=LEVELS[0])) == LEVELS[:1]
+    with pytest.raises(FileNotFoundError):
+        await levels(str(tmp_path / "missing.tide"))
+
+
+async def test_no_server_is_told() -> None:
+    with pytest.raises(TransferError, match="cannot read http://127.0.0.1:9/vase.tide"):
+        await levels("http://127.0.0.1:9/vase.tide")

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from meshtide_client.streaming import stream
+from meshtide_client.transport import Link
+from meshtide_codec.errors import PeerError, ProtocolError, TransferError
+from streams import encoded_grid
+from web_server import WebServer, web_server
+
+pytest.importorskip("obstore")
+
+ENCODED = encoded_grid()
+WHOLE = ENCODED.to_bytes()
+LEVELS = [row.level for row in ENCODED.header.levels]
+URL = "s3://museum/scans/vase.tide"
+
+
+@pytest.fixture(autouse=True)
+def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_ENDPOINT", "AWS_ENDPOINT_URL", "AWS_PROFILE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("AWS_REGION", "us-east-1")
+
+
+async def levels(resume: Path | None = None) -> list[int]:
+    return [level.level async for level in stream(URL, resume=resume, link=Link(retries=1, delay=0.001))]
+
+
+@pytest.mark.parametrize("signed", [False, True])
+async def test_buckets_are_read_with_and_without_credentials(
+    signed: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path = tmp_path / "vase.tide"
+    if signed:
+        monkeypatch.setenv("AWS_ACCESS_KEY_ID", "somebody")
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret-of-somebody")
+    with web_server(WebServer(WHOLE)) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+        assert await levels(path) == LEVELS
+    assert path.read_bytes() == WHOLE
+    assert server.requests[0][0] == "/museum/scans/vase.tide"
+    for authorization in server.authorizations:
+        assert (authorization is not None) is signed
+        assert "secret-of-somebody" not in str(authorization)
+
+
+async def test_a_download_from_a_bucket_goes_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path = tmp_path / "vase.tide"
+    path.write_bytes(WHOLE[:-5])
+    with web_server(WebServer(WHOLE)) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+        assert await levels(path) == LEVELS
+    assert path.read_bytes() == WHOLE
+    assert server.sent < len(WHOLE)
+
+
+@pytest.mark.parametrize(
+    ("status", "error", "message"),
+    [
+        (404, ProtocolError, "there is no s3://museum/scans/vase.tide"),
+        (403, PeerError, "may not be read"),
+        (500, TransferError, "cannot read s3://museum"),
+    ],
+)
+async def test_refusals_are_told(
+    status: int, error: type[Exception], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with web_server(WebServer(WHOLE, status=status, problem=b"<Error/>")) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+        with pytest.raises(error, match=message):
+            await levels()
