@@ -16,6 +16,7 @@ from meshtide_server.problems import handle_problems
 from meshtide_server.readiness import Readiness
 from meshtide_server.routes import program_version, router
 from meshtide_server.routes_operations import router as operations_router
+from meshtide_server.routes_packets import router as packets_router
 from meshtide_server.routes_tickets import router as tickets_router
 from meshtide_server.streaming import Streams
 
@@ -29,6 +30,17 @@ Hosts triangle meshes as progressive streams: whole `.tide` files with ranges, a
 `/meshes/{id}/stream`, a websocket that sends a mesh level by level, only as fast as the client grants,
 and only what the client does not hold yet.
 """
+EXPOSED_HEADERS = (
+    "Accept-Ranges",
+    "Content-Length",
+    "Content-Range",
+    "ETag",
+    "Location",
+    "Retry-After",
+    "WWW-Authenticate",
+    "X-Request-ID",
+)
+"""What pages of other origins may see of an answer, besides the headers that they always may."""
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -67,15 +79,16 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.access = Access(settings)
     handle_problems(app)
     app.include_router(router)
+    app.include_router(packets_router)
     app.include_router(tickets_router)
     app.include_router(operations_router)
     if settings.allowed_origins:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=list(settings.allowed_origins),
-            allow_methods=["GET", "HEAD"],
-            allow_headers=["Range", "If-Range", "If-Match", "If-None-Match"],
-            expose_headers=["Accept-Ranges", "Content-Length", "Content-Range", "ETag", "X-Request-ID"],
+            allow_methods=list(settings.allowed_methods),
+            allow_headers=list(settings.allowed_headers),
+            expose_headers=list(EXPOSED_HEADERS),
         )
     app.add_middleware(Observation, access_log=settings.access_log)  # the last one added is the outermost
     return app

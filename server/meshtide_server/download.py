@@ -1,8 +1,9 @@
-"""The whole `.tide` file, or a range of it, as an HTTP answer that is read from the disk as fast as it is taken."""
+"""A `.tide` file, or a part of it such as a packet, as an HTTP answer that is read as fast as it is taken."""
 
 from __future__ import annotations
 
 import asyncio
+from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING
 
@@ -22,28 +23,54 @@ CHUNK = 1 << 18
 """Bytes read at a time; each read is made in a thread, for a disk may be slow."""
 
 
-def download(stream: HostedStream, method: str, headers: Mapping[str, str]) -> Response:
-    """The answer to a GET or HEAD request for the file of `stream`.
+@dataclass(frozen=True, slots=True)
+class Extract:
+    """A part of a file that has an address of its own.
+
+    Args:
+        etag: its strong entity tag.
+        start: its first byte in the file.
+        end: one past its last byte.
+        caching: what caches may do with it.
+    """
+
+    etag: str
+    start: int
+    end: int
+    caching: str
+
+
+def download(stream: HostedStream, method: str, headers: Mapping[str, str], extract: Extract | None = None) -> Response:
+    """The answer to a GET or HEAD request for the file of `stream`, or for a part of it.
+
+    Args:
+        stream: the file.
+        method: GET or HEAD.
+        headers: of the request, under lower-case names.
+        extract: the part; the whole file when left out.
 
     Raises:
         RefusedError: the file is gone or has changed.
     """
-    planned = plan(method, headers, stream.etag, stream.size)
+    # A file may change, so it is asked for again each time; compressing it would break ranges.
+    extract = extract or Extract(stream.etag, 0, stream.size, "no-cache, no-transform")
+    size = extract.end - extract.start
+    planned = plan(method, headers, extract.etag, size)
     common = {
-        "ETag": stream.etag,
+        "ETag": extract.etag,
         "Accept-Ranges": "bytes",
-        "Cache-Control": "no-cache, no-transform",  # ask again each time; compressing it would break ranges
+        "Cache-Control": extract.caching,
     }
     if planned.status == HTTPStatus.NOT_MODIFIED:
         return Response(status_code=planned.status, headers=common)
     if planned.status == HTTPStatus.PRECONDITION_FAILED:
         return problem_response(planned.status, "changed", "the stream is not the one that If-Match names", common)
     if planned.status == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
-        common["Content-Range"] = f"bytes */{stream.size}"
-        message = f"the range lies outside of the stream's {stream.size} bytes"
+        common["Content-Range"] = f"bytes */{size}"
+        message = f"the range lies outside of the {size} bytes"
         return problem_response(planned.status, "range-not-satisfiable", message, common)
     if planned.status == HTTPStatus.PARTIAL_CONTENT:
-        common["Content-Range"] = f"bytes {planned.start}-{planned.end - 1}/{stream.size}"
+        common["Content-Range"] = f"bytes {planned.start}-{planned.end - 1}/{size}"
     common["Content-Length"] = str(planned.end - planned.start)
     if method == "HEAD":
         return Response(status_code=planned.status, headers=common, media_type=MEDIA_TYPE)
@@ -51,7 +78,7 @@ def download(stream: HostedStream, method: str, headers: Mapping[str, str]) -> R
         opened = stream.open()
     except StreamError as error:
         raise RefusedError(HTTPStatus.SERVICE_UNAVAILABLE, "not-ready", str(error), retry_after=1) from error
-    body = _body(opened, planned.start, planned.end)
+    body = _body(opened, extract.start + planned.start, extract.start + planned.end)
     return StreamingResponse(body, planned.status, common, MEDIA_TYPE)
 
 

@@ -6,7 +6,8 @@ downloads then open the bytes anew, so that a file that was replaced meanwhile i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self
 
 from meshtide_codec.errors import ContainerError, TruncatedError
@@ -75,11 +76,13 @@ class HostedStream:
         header: its header.
         header_bytes: the same as it is sent.
         storage: the whole `.tide` file.
+        packet_digests: SHA-256 of each packet's bytes, the address of the packet.
     """
 
     header: StreamHeader
     header_bytes: bytes
     storage: Storage
+    packet_digests: tuple[bytes, ...] = field(repr=False)
 
     @property
     def size(self) -> int:
@@ -140,7 +143,8 @@ def load_stream(
             reader.finish()
         header = reader.header
         assert header is not None  # noqa: S101 - finish() has raised otherwise
-        stream = HostedStream(header, reader.header_bytes, storage)
+        stream = HostedStream(header, reader.header_bytes, storage, ())
+        digests = []
         for index, entry in enumerate(header.packets):
             if stopping():
                 raise StoppedError
@@ -153,8 +157,10 @@ def load_stream(
                     packet=entry.kind.label,
                     offset=size - start,
                 )
-            check_packet(header, index, opened.read(start, start + entry.length))
+            data = opened.read(start, start + entry.length)
+            check_packet(header, index, data)
+            digests.append(hashlib.sha256(data).digest())
     if stream.packet_offset(-1) != size:
         surplus = size - stream.packet_offset(-1)
         raise ContainerError(f"{surplus} bytes follow the last packet; the file is damaged", offset=size - surplus)
-    return stream
+    return replace(stream, packet_digests=tuple(digests))

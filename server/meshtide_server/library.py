@@ -23,6 +23,7 @@ from meshtide_server.encoder_process import EncoderProcess, Job
 from meshtide_server.hosted_mesh import TIDE_SUFFIX, HostedMesh, Source
 from meshtide_server.hosted_stream import HostedStream, StoppedError, load_stream
 from meshtide_server.identifiers import unique_id
+from meshtide_server.packet_index import PacketIndex, PacketPlace
 from meshtide_server.storage import FileIdentity, FileStorage, MemoryStorage, Storage
 from meshtide_server.stream_cache import (
     CachePlace,
@@ -59,6 +60,7 @@ class Library:
         self._settings = settings
         self._options = EncodingOptions(bits=settings.bits, profile=settings.profile)
         self._meshes: dict[str, HostedMesh] = {}
+        self._packets = PacketIndex()
         self._to_check: asyncio.Queue[HostedMesh] = asyncio.Queue()
         self._to_encode: asyncio.Queue[tuple[HostedMesh, CachePlace, str]] = asyncio.Queue()
         self._unfinished = 0
@@ -79,6 +81,10 @@ class Library:
     def find(self, identifier: str) -> HostedMesh | None:
         """The mesh with that id."""
         return self._meshes.get(identifier)
+
+    def find_packet(self, digest: bytes) -> PacketPlace | None:
+        """Where the packet whose bytes have that SHA-256 lies."""
+        return self._packets.find(digest)
 
     async def start(self) -> None:
         """Find the meshes and begin to work on them."""
@@ -117,6 +123,7 @@ class Library:
         stem, suffix = (source.path.stem, source.path.suffix) if source.path else (source.name, "-sample")
         mesh = HostedMesh(identifier or unique_id(stem, suffix, self._meshes), source)
         self._meshes[mesh.id] = mesh
+        self._packets.remove(mesh.id)
         self._unfinished += 1
         self._settled.clear()
         self._to_check.put_nowait(mesh)
@@ -129,6 +136,8 @@ class Library:
         """Note the stream of `mesh`, or why there is none."""
         if isinstance(outcome, HostedStream):
             mesh.succeed(outcome)
+            if self._meshes.get(mesh.id) is mesh:
+                self._packets.add(mesh.id, outcome)
             logger.info(
                 "%s is ready: %d vertices, %d faces, %d levels, %d bytes",
                 mesh.id,
@@ -173,6 +182,7 @@ class Library:
         for path in known.keys() - {source.path for source in again} - {None}:
             logger.info("%s is gone", known[path].id)
             del self._meshes[known[path].id]
+            self._packets.remove(known[path].id)
         for source in again:
             if source.path not in growing and self._is_news(source):
                 mesh = known.get(source.path)

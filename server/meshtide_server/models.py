@@ -42,6 +42,7 @@ _PACKET: dict[str, JsonValue] = {
     "offset": 412,
     "length": 1630,
     "checksum": "1f0c3a77",
+    "sha256": "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08",
 }
 
 
@@ -150,6 +151,7 @@ class PacketRow(BaseModel):
     offset: int = Field(description="Where it starts in the .tide file.")
     length: int
     checksum: str = Field(description="CRC-32, in hexadecimal.")
+    sha256: str = Field(description="SHA-256, in hexadecimal: its address is /packets/{sha256}.")
 
 
 class MeshDetail(BaseModel):
@@ -222,8 +224,9 @@ class MeshDetail(BaseModel):
                     offset=stream.packet_offset(index),
                     length=row.length,
                     checksum=f"{row.checksum:08x}",
+                    sha256=digest.hex(),
                 )
-                for index, row in enumerate(header.packets)
+                for index, (row, digest) in enumerate(zip(header.packets, stream.packet_digests, strict=True))
             ],
         )
 

@@ -33,7 +33,7 @@ _REFUSALS: _Responses = {
     503: {"model": Problem, "description": "The mesh is being encoded; the message says how far."},
 }
 _BINARY = {"content": {MEDIA_TYPE: {"schema": {"type": "string", "format": "binary"}}}}
-_FILE_RESPONSES: _Responses = {
+FILE_RESPONSES: _Responses = {
     200: {**_BINARY, "description": "The whole file."},
     206: {**_BINARY, "description": "The range asked for."},
     304: {"description": "The file that the client holds (If-None-Match) is still this one."},
@@ -59,7 +59,7 @@ async def meshes(request: Request) -> list[MeshSummary]:
     "/meshes/{mesh_id}.tide",
     methods=["GET"],
     response_class=Response,
-    responses=_FILE_RESPONSES,
+    responses=FILE_RESPONSES,
     summary="A mesh as a .tide file",
     tags=["meshes"],
     dependencies=READERS,

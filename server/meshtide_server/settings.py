@@ -5,6 +5,7 @@ Every field has an environment variable of its name in capitals, such as MESHTID
 
 from __future__ import annotations
 
+import re
 from pathlib import Path  # noqa: TC003 - pydantic reads the annotations
 from typing import Annotated, Literal, Self
 
@@ -18,6 +19,7 @@ from meshtide_server.logs import LogFormat  # noqa: TC001 - pydantic reads the a
 Profile = Literal["compact", "classic"]
 Tokens = Annotated[tuple[SecretStr, ...], NoDecode]
 LogLevel = Literal["debug", "info", "warning", "error"]
+_NAME = re.compile(r"[A-Za-z0-9-]+")
 MetricsAccess = Literal["read", "open", "off"]
 
 
@@ -63,6 +65,15 @@ class Settings(BaseSettings):
         "Pages of the server's own origin and programs that are no browsers always may.",
     )
 
+    allowed_methods: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=("GET", "HEAD", "POST"),
+        description="Methods of pages of those origins; POST is for tickets. Add PUT and DELETE for pages that write.",
+    )
+    allowed_headers: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=("Authorization", "Content-Type", "Range", "If-Range", "If-Match", "If-None-Match", "X-Request-ID"),
+        description="Headers that pages of those origins may send.",
+    )
+
     # Secrets come from the environment or a file, never from the command line, which everybody on the machine can read.
     write_tokens: Tokens = Field(default=(), description="Tokens of which writing takes one; none: nobody writes.")
     write_tokens_file: Path | None = Field(default=None, description="File with more write tokens, one a line.")
@@ -95,12 +106,20 @@ class Settings(BaseSettings):
         description="Who may read /metrics: read, whoever may read the meshes; open, everybody; off, nobody.",
     )
 
-    @field_validator("allowed_origins", mode="before")
+    @field_validator("allowed_origins", "allowed_methods", "allowed_headers", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         """A comma-separated list, as it stands in an environment variable, becomes a tuple."""
         if isinstance(value, str):
             return tuple(part.strip() for part in value.split(",") if part.strip())
+        return value
+
+    @field_validator("allowed_methods", "allowed_headers")
+    @classmethod
+    def _check_names(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for name in value:
+            if not _NAME.fullmatch(name):
+                raise ValueError(f"{name!r} is no name of a method or header")
         return value
 
     @field_validator("write_tokens", "read_tokens", mode="before")

@@ -204,6 +204,8 @@ async def test_openapi_describes_everything_with_examples(client: httpx.AsyncCli
         "/meshes",
         "/meshes/{mesh_id}",
         "/meshes/{mesh_id}.tide",
+        "/meshes/{mesh_id}/header",
+        "/packets/{digest}",
         "/metrics",
         "/readyz",
         "/tickets",
