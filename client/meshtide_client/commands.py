@@ -1,4 +1,4 @@
-"""The client's part of the command `meshtide`: fetch, meshes, export, demo; `render` comes from `rendering`.
+"""The client's part of the command `meshtide`: fetch, meshes, export, demo; `render`, `paper` have their own folders.
 
 Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
 """
@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from meshtide_client.paper.commands import register as register_paper
 from meshtide_client.rendering.commands import register as register_rendering
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
@@ -27,6 +28,7 @@ def register(app: typer.Typer) -> None:
     app.command()(export)
     app.command()(demo)
     register_rendering(app)
+    register_paper(app)
 
 
 def fetch(

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.classic.encoder import ClassicEncoding
+from meshtide_codec.classic.geometry_bytes import geometry_bytes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.quantize import quantize
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.quantize import grid_steps, quantize
+from meshtide_codec.statistics import l2_error_per_vertex
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -25,6 +26,11 @@ SUBDIVISIONS = 5
 B = 10
 COARSEST_VERTICES = 300
 SINGLE_RESOLUTION = 99  # any S from the number of levels on
+
+PAPER_FILTERS = {"zeroth": FilterSpec("zeroth"), "gaussian": FilterSpec("gaussian")} | {
+    f"degree {degree}": FilterSpec("polynomial", degree=degree) for degree in range(1, 8)
+}
+"""The predictors of section 5, by name."""
 
 PUBLISHED_MULTI = {
     "zeroth": 23.96,
@@ -75,11 +81,9 @@ def paper_sphere(subdivisions: int = SUBDIVISIONS) -> Mesh:
 def sphere_table(progress: Callable[[str, float], None] | None = None) -> Iterator[SphereRow]:
     """The rows of tables 15 to 17, one filter after the other."""
     quantized = quantize(paper_sphere(), B)
-    specs = {"zeroth": FilterSpec("zeroth"), "gaussian": FilterSpec("gaussian")}
-    specs |= {f"degree {degree}": FilterSpec("polynomial", degree=degree) for degree in range(1, 8)}
-    for done, (name, spec) in enumerate(specs.items()):
+    for done, (name, spec) in enumerate(PAPER_FILTERS.items()):
         if progress is not None:
-            progress(name, done / len(specs))
+            progress(name, done / len(PAPER_FILTERS))
         multi, single = (
             ClassicEncoding(
                 quantized,
@@ -87,25 +91,14 @@ def sphere_table(progress: Callable[[str, float], None] | None = None) -> Iterat
             )
             for variable_from in (None, SINGLE_RESOLUTION)
         )
-        error = float(np.linalg.norm(single.differences[0])) / len(quantized.positions) / (1 << B)
         yield SphereRow(
             name,
-            geometry_rate(multi),
-            geometry_rate(single),
+            geometry_bytes(multi, B).rate,
+            geometry_bytes(single, B).rate,
             PUBLISHED_MULTI.get(name),
             PUBLISHED_SINGLE.get(name),
-            error,
+            l2_error_per_vertex(single.differences[0], 1 / grid_steps(B)),
         )
-
-
-def geometry_rate(encoding: ClassicEncoding) -> float:
-    """Bits per finest vertex of the geometry: raw coarsest cells, as in the paper, coefficients, Diffs."""
-    coarsest = encoding.levels[-1]
-    bits = 3 * len(coarsest.cells) * B
-    bits += sum(
-        8 * len(packet.payload) for packet in encoding.packets if packet.kind in (PacketKind.PARAM, PacketKind.DIFF)
-    )
-    return bits / len(encoding.levels[0].cells)
 
 
 def _hull_of_icosahedron(vertices: np.ndarray) -> np.ndarray:

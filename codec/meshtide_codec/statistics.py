@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import gammainc
 
 from meshtide_codec.errors import OptionError
 
@@ -85,6 +86,33 @@ def fit_power_law(differences: NDArray[np.integer] | NDArray[np.floating]) -> Po
                 high = middle
     alpha = (low + high) / 2
     return PowerLaw(alpha, 1 / (alpha * float((magnitudes**alpha).mean())))
+
+
+def power_law_gap(differences: NDArray[np.integer], law: PowerLaw) -> float:
+    """Largest gap between the shares of differences up to k, and what the law gives up to k + 1/2, over all integers k.
+
+    This is Kolmogorov's distance of the two distributions, 0 to 1: how well the hypothesis of section 4.3 holds.
+
+    Args:
+        differences: any shape, integers, not empty; all coordinates count alike.
+        law: of the differences in steps.
+
+    Raises:
+        OptionError: there are no differences, or they are not integers.
+
+    >>> power_law_gap(np.array([-1, 0, 0, 1]), PowerLaw(2.0, 1.0)) < 0.02
+    True
+    """
+    if differences.size == 0 or not np.issubdtype(differences.dtype, np.integer):
+        raise OptionError(f"a gap needs integer differences, not {differences.size} of {differences.dtype}")
+    if law.a == math.inf:
+        return float((differences != 0).mean())
+    values, counts = np.unique(differences, return_counts=True)
+    ends = np.unique(np.concatenate([values - 1, values]))
+    shares = np.concatenate([[0.0], np.cumsum(counts) / differences.size])[np.searchsorted(values, ends, side="right")]
+    places = ends + 0.5
+    tails = gammainc(1 / law.alpha, law.a * np.abs(places) ** law.alpha)
+    return float(np.abs(shares - (0.5 + 0.5 * np.sign(places) * tails)).max())
 
 
 def rate_model(differences: NDArray[np.integer] | NDArray[np.floating], alpha: float) -> float:

@@ -18,3 +18,5 @@ def test_a_missing_library_is_told_with_the_remedy(monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "json", None)
     with pytest.raises(MeshtideError, match=r"this needs json: pip install 'meshtide\[bench\]'"):
         check_extras("math", "json")
+    with pytest.raises(MeshtideError, match=r"'meshtide\[lab\]'"):
+        check_extras("math", "json", group="lab")

@@ -15,6 +15,7 @@ from meshtide_codec.statistics import (
     PowerLaw,
     fit_power_law,
     l2_error_per_vertex,
+    power_law_gap,
     rate_model,
     shannon_bound_bits,
 )
@@ -136,3 +137,24 @@ def test_options_out_of_range_are_refused() -> None:
         shannon_bound_bits(np.ones(3))
     with pytest.raises(OptionError):
         shannon_bound_bits(np.ones((2, 2, 2), np.int64))
+
+
+@pytest.mark.parametrize("alpha", [0.8, 1.0, 2.0])
+def test_differences_drawn_from_a_power_law_lie_close_to_it(alpha: float) -> None:
+    rng = np.random.default_rng(5)
+    scale = 12.0
+    sizes = scale * rng.gamma(1 / alpha, 1.0, 40_000) ** (1 / alpha)
+    differences = np.rint(sizes * rng.choice([-1, 1], len(sizes))).astype(np.int64)
+    law = PowerLaw(alpha, scale**-alpha)
+    assert power_law_gap(differences, law) < 0.012
+    assert power_law_gap(differences, PowerLaw(alpha, (3 * scale) ** -alpha)) > 0.1
+    assert power_law_gap(differences + 30, law) > 0.2
+
+
+def test_gaps_of_special_differences() -> None:
+    zeros = np.zeros(5, np.int64)
+    assert power_law_gap(zeros, fit_power_law(zeros)) == 0.0
+    assert power_law_gap(np.array([0, 0, 0, 7]), PowerLaw(1.0, math.inf)) == 0.25
+    for bad in (np.zeros(0, np.int64), np.zeros(3)):
+        with pytest.raises(OptionError, match="integer differences"):
+            power_law_gap(bad, PowerLaw(1.0, 1.0))

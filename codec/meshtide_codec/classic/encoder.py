@@ -47,6 +47,7 @@ class ClassicEncoding:
         levels: the hierarchy, level 0 first.
         packets: in transmission order.
         geometry: per level, (n, 3) float64 in finest steps: what a decoder shows.
+        predictions: per level but the coarsest, (n, 3) float64 in finest steps: what the filter gives before any Diff.
         differences: per level that sends a Diff, (n, 3) int64 in steps of that level.
         states: what can be shown after how many packets, in transmission order.
     """
@@ -77,6 +78,7 @@ class ClassicEncoding:
         )
         self.packets: list[Packet] = []
         self.geometry: dict[int, NDArray[np.float64]] = {}
+        self.predictions: dict[int, NDArray[np.float64]] = {}
         self.differences: dict[int, NDArray[np.int64]] = {}
         self.states: list[ShownState] = []
         self._encode_coarsest()
@@ -103,6 +105,7 @@ class ClassicEncoding:
             coefficients = fit(adjacency, extension, true, self.header.filter)
             self._send(PacketKind.PARAM, number, encode_param(coefficients))
         prediction = within_cube(predict(adjacency, extension, self.header.filter, coefficients), self._bits)
+        self.predictions[number] = prediction
         if number in self.header.levels_with_diff:
             differences = level.cells.astype(np.int64) - containing_cells(prediction, level.shift, self._bits)
             self.differences[number] = differences

@@ -8,8 +8,8 @@ from typing import Any
 from meshtide_codec.errors import MeshtideError
 
 
-def extra(module: str) -> Any:  # noqa: ANN401 - a module of a library that need not be there
-    """The module of that name, from the libraries of the extra `bench`.
+def extra(module: str, group: str = "bench") -> Any:  # noqa: ANN401 - a module of a library that need not be there
+    """The module of that name, from the libraries of the extra `group`.
 
     Raises:
         MeshtideError: it is not installed.
@@ -21,10 +21,10 @@ def extra(module: str) -> Any:  # noqa: ANN401 - a module of a library that need
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        raise MeshtideError(f"this needs {module.partition('.')[0]}: pip install 'meshtide[bench]'") from error
+        raise MeshtideError(f"this needs {module.partition('.')[0]}: pip install 'meshtide[{group}]'") from error
 
 
-def check_extras(*modules: str) -> None:
+def check_extras(*modules: str, group: str = "bench") -> None:
     """Raise MeshtideError unless all of these can be loaded: to be told before an hour's work, not after it."""
     for module in modules:
-        extra(module)
+        extra(module, group)

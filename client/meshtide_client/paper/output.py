@@ -1,0 +1,99 @@
+"""The folder that `meshtide paper` leaves: report.html, results.json, CSV files and pictures."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+from meshtide_client.paper import pictures, plots, tables
+from meshtide_client.paper.report import report_page
+from meshtide_codec.errors import OptionError
+from meshtide_codec.files import write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from meshtide_client.paper.run import PaperResults
+
+RESULTS = "results.json"
+REPORT = "report.html"
+
+
+def check_folder(folder: Path, *, replace: bool) -> None:
+    """Make the folder; one that holds something is left alone, unless it is an earlier report that may be replaced.
+
+    Raises:
+        OptionError: the folder holds something.
+        OSError: it cannot be made.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OptionError(f"{folder} is a file; name a folder for the report")
+    if folder.exists() and any(folder.iterdir()):
+        if not (folder / RESULTS).exists():
+            raise OptionError(f"{folder} holds files of something else; name a new folder")
+        if not replace:
+            raise OptionError(f"{folder} holds a report; name a new folder, or add --replace")
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def plain_results(results: PaperResults) -> dict[str, Any]:
+    """All figures as values that can become JSON."""
+    options = results.options
+    return {
+        "meshtide": version("meshtide"),
+        "bits": options.bits,
+        "drop_bits": options.drop_bits,
+        "minimum_ratio": options.minimum_ratio,
+        "coarsest_vertices": options.coarsest_vertices,
+        "failures": results.failures,
+        **{name: rows for name, rows in _row_sets(results).items() if name != "histograms"},
+    }
+
+
+def write_report(
+    results: PaperResults, folder: Path, progress: Callable[[str, float], None] | None = None
+) -> list[Path]:
+    """Write everything; returns the files, the report first.
+
+    Raises:
+        MeshtideError: matplotlib is not installed.
+        OSError: a file cannot be written.
+    """
+    report = progress or (lambda _stage, _fraction: None)
+    drawn: dict[str, dict[str, bytes]] = {}
+    files: list[Path] = [folder / REPORT]
+    for done, mesh in enumerate(results.meshes):
+        report(f"pictures of {mesh.name}", done / len(results.meshes))
+        drawn[mesh.name] = {
+            "levels": pictures.levels_picture(mesh, results.options),
+            "predictions": pictures.predictions_picture(mesh),
+            "errors": pictures.errors_picture(mesh),
+            "histograms": plots.histogram_plot(mesh),
+            "rates": plots.rate_plot(mesh),
+        }
+        for kind, picture in drawn[mesh.name].items():
+            files.append(folder / f"{mesh.name}-{kind}.png")
+            write_atomically(files[-1], picture)
+    for name, rows in _row_sets(results).items():
+        files.append(folder / f"{name}.csv")
+        write_atomically(files[-1], tables.csv_text(rows).encode())
+    files.append(folder / RESULTS)
+    write_atomically(files[-1], json.dumps(plain_results(results), indent=1).encode())
+    write_atomically(files[0], report_page(results, drawn).encode())
+    report("written", 1.0)
+    return files
+
+
+def _row_sets(results: PaperResults) -> dict[str, list[tables.Row]]:
+    by_mesh = {
+        "rates": tables.rate_rows,
+        "accuracy": tables.accuracy_rows,
+        "differences": tables.difference_rows,
+        "norms": tables.norm_rows,
+        "conclusions": tables.conclusion_rows,
+        "histograms": tables.histogram_rows,
+    }
+    sets = {name: [row for mesh in results.meshes for row in rows(mesh)] for name, rows in by_mesh.items()}
+    return {"meshes": tables.mesh_rows(results.meshes)} | sets

@@ -1,0 +1,165 @@
+"""Runs the experiments of section 5 on several meshes, over several processes, and lists what failed.
+
+Each filter and each norm on each mesh is a job of its own; results do not depend on how many processes share the work.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from meshtide_client.paper.experiment import FilterResult, run_filter
+from meshtide_client.paper.like_meshes import LIKE_MESHES
+from meshtide_client.paper.mesh_result import PICTURED_FILTERS, MeshResult, new_mesh_result
+from meshtide_client.paper.norm_experiment import NORM_DEGREES, NORMS, run_norm
+from meshtide_client.paper.published import SPHERE
+from meshtide_codec.errors import MeshtideError
+from meshtide_codec.files import load_mesh
+from meshtide_codec.quantize import quantize
+from meshtide_codec.samples import load_sample, sample_names
+from meshtide_codec.sphere import PAPER_FILTERS, paper_sphere
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from meshtide_client.paper.norm_experiment import NormResult
+    from meshtide_codec.classic.options import ClassicOptions
+    from meshtide_codec.mesh import Mesh
+    from meshtide_codec.quantize import QuantizedMesh
+
+DEFAULT_MESHES = (SPHERE, *LIKE_MESHES, *sample_names())
+
+
+@dataclass(frozen=True, slots=True)
+class PaperResults:
+    """What was found.
+
+    Args:
+        options: of the hierarchy.
+        meshes: results in the order of the arguments.
+        failures: why a mesh is missing, by its name.
+    """
+
+    options: ClassicOptions
+    meshes: list[MeshResult]
+    failures: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """A filter of section 5 or, where a degree is given, a norm of section 4, on one mesh."""
+
+    mesh: str
+    name: str
+    degree: int | None = None
+
+
+def run_paper(
+    inputs: Sequence[str],
+    options: ClassicOptions,
+    *,
+    processes: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+) -> PaperResults:
+    """Run all experiments.
+
+    Args:
+        inputs: ``sphere``, names in `LIKE_MESHES`, samples, or mesh files.
+        options: of the hierarchy; their filter is not looked at.
+        processes: how many share the work; 1 for this one alone.
+        progress: is called with a stage and the fraction done.
+    """
+    report = progress or (lambda _stage, _fraction: None)
+    meshes: dict[str, MeshResult] = {}
+    failures: dict[str, str] = {}
+    for text in inputs:
+        report(f"read {text}", 0.0)
+        try:
+            name, origin, mesh = named_mesh(text, [*meshes, *failures])
+            meshes[name] = new_mesh_result(name, origin, quantize(mesh, options.bits), options)
+        except (MeshtideError, OSError) as error:
+            failures[text] = str(error)
+    jobs = [job for name in meshes for job in _jobs(name)]
+    for done, (job, outcome) in enumerate(_outcomes(jobs, meshes, options, processes)):
+        report(f"{job.mesh}, {job.name}", done / len(jobs))
+        if isinstance(outcome, MeshtideError):
+            failures.setdefault(job.mesh, f"{job.name}: {outcome}")
+        elif isinstance(outcome, FilterResult):
+            meshes[job.mesh].filters[job.name] = outcome
+        else:
+            meshes[job.mesh].norms.extend(outcome)
+    whole = [_ordered(result) for name, result in meshes.items() if name not in failures]
+    return PaperResults(options, whole, failures)
+
+
+def named_mesh(text: str, taken: Sequence[str]) -> tuple[str, str, Mesh]:
+    """The mesh that an argument means, a name of its own, and where it comes from.
+
+    Raises:
+        MeshError, OSError: it is a file that holds no mesh.
+    """
+    path = Path(text)
+    if text == SPHERE:
+        origin, mesh = "the paper's sphere, made again", paper_sphere()
+    elif text in LIKE_MESHES:
+        origin, mesh = "made by rule, of like kind as the paper's", LIKE_MESHES[text]()
+    elif text in sample_names() and not path.exists():
+        origin, mesh = "a sample mesh that comes with meshtide", load_sample(text)
+    else:
+        origin, mesh = path.name, load_mesh(path)
+    stem = path.stem
+    if stem == SPHERE and text != SPHERE:  # a file of that name is not the paper's sphere
+        stem = "sphere-file"
+    name, count = stem, 1
+    while name in taken:
+        count += 1
+        name = f"{stem}-{count}"
+    return name, origin, mesh
+
+
+def _jobs(mesh: str) -> list[_Job]:
+    filters = [_Job(mesh, name) for name in PAPER_FILTERS]
+    return filters + [_Job(mesh, norm, degree) for degree in NORM_DEGREES for norm in NORMS]
+
+
+def _outcomes(
+    jobs: Sequence[_Job], meshes: dict[str, MeshResult], options: ClassicOptions, processes: int
+) -> Iterator[tuple[_Job, FilterResult | list[NormResult] | MeshtideError]]:
+    """Each job and what came of it, as they end."""
+    if processes == 1:
+        for job in jobs:
+            yield job, _work(job, meshes[job.mesh].quantized, options)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        waiting = {pool.submit(_work, job, meshes[job.mesh].quantized, options): job for job in jobs}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _work(
+    job: _Job, quantized: QuantizedMesh, options: ClassicOptions
+) -> FilterResult | list[NormResult] | MeshtideError:
+    try:
+        if job.degree is not None:
+            return run_norm(quantized, options, job.degree, job.name)
+        keep = job.name in PICTURED_FILTERS
+        return run_filter(quantized, options, job.name, PAPER_FILTERS[job.name], keep_arrays=keep)
+    except MeshtideError as error:
+        return error
+
+
+def _ordered(result: MeshResult) -> MeshResult:
+    """The same result, whatever the order in which its jobs ended."""
+    filters = {name: result.filters[name] for name in PAPER_FILTERS}
+    result.filters.clear()
+    result.filters.update(filters)
+    result.norms.sort(key=lambda found: (found.scheme, found.degree, list(NORMS).index(found.norm)))
+    return result
