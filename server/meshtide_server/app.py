@@ -11,6 +11,7 @@ from fastapi.middleware.cors import CORSMiddleware
 
 from meshtide_server.access import Access
 from meshtide_server.library import Library
+from meshtide_server.limiting import Limiting
 from meshtide_server.observation import Observation
 from meshtide_server.problems import handle_problems
 from meshtide_server.readiness import Readiness
@@ -82,6 +83,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(packets_router)
     app.include_router(tickets_router)
     app.include_router(operations_router)
+    app.add_middleware(Limiting, settings=settings)
     if settings.allowed_origins:
         app.add_middleware(
             CORSMiddleware,

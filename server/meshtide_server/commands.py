@@ -48,6 +48,23 @@ def serve(
         float | None,
         typer.Option(help="How often to look for new and changed files; 0: never.", show_default="5"),
     ] = None,
+    connections_per_client: Annotated[
+        int | None, typer.Option(help="Connections of one address at a time; 0: no limit.", show_default="256")
+    ] = None,
+    bytes_per_second: Annotated[
+        int | None, typer.Option(help="Bytes a second sent to one address; 0: no limit.", show_default="0")
+    ] = None,
+    writes_per_minute: Annotated[
+        int | None, typer.Option(help="Requests of one address that write; 0: no limit.", show_default="600")
+    ] = None,
+    unlimited_client: Annotated[
+        list[str] | None,
+        typer.Option(help="Network that these limits spare. May be repeated.", show_default="this machine"),
+    ] = None,
+    trusted_proxy: Annotated[
+        list[str] | None,
+        typer.Option(help="Network of proxies whose X-Forwarded-For is believed. May be repeated."),
+    ] = None,
     drain_timeout: Annotated[
         float | None, typer.Option(help="Seconds that running streams have to end in on SIGTERM.", show_default="5")
     ] = None,
@@ -88,6 +105,11 @@ def serve(
         "hello_timeout": hello_timeout,
         "stall_timeout": stall_timeout,
         "rescan_seconds": rescan_seconds,
+        "connections_per_client": connections_per_client,
+        "bytes_per_second": bytes_per_second,
+        "writes_per_minute": writes_per_minute,
+        "unlimited_clients": tuple(unlimited_client) if unlimited_client else None,
+        "trusted_proxies": tuple(trusted_proxy) if trusted_proxy else None,
         "drain_timeout": drain_timeout,
         "log_level": log_level,
         "log_format": log_format,

@@ -24,6 +24,7 @@ from meshtide_codec.errors import TransferError
 from meshtide_codec.files import write_atomically
 from meshtide_server import metrics
 from meshtide_server.app import create_app
+from meshtide_server.connections import CuttableProtocol
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -163,6 +164,9 @@ def configuration(app: FastAPI, settings: Settings) -> uvicorn.Config:
     return uvicorn.Config(
         app,
         lifespan="on",
+        http=CuttableProtocol,
+        proxy_headers=bool(settings.trusted_proxies),
+        forwarded_allow_ips=list(settings.trusted_proxies),
         ws="websockets-sansio" if "websockets-sansio" in WS_PROTOCOLS else "websockets",
         ws_max_size=settings.max_message,
         ws_per_message_deflate=False,  # packets are compressed already

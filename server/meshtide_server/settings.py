@@ -6,6 +6,7 @@ Every field has an environment variable of its name in capitals, such as MESHTID
 from __future__ import annotations
 
 import re
+from ipaddress import ip_network
 from pathlib import Path  # noqa: TC003 - pydantic reads the annotations
 from typing import Annotated, Literal, Self
 
@@ -17,8 +18,11 @@ from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_server.logs import LogFormat  # noqa: TC001 - pydantic reads the annotations
 
 Profile = Literal["compact", "classic"]
+Networks = Annotated[tuple[str, ...], NoDecode]
 Tokens = Annotated[tuple[SecretStr, ...], NoDecode]
 LogLevel = Literal["debug", "info", "warning", "error"]
+SMALLEST_RATE = 16 * 1024
+"""Bytes a second: the largest message takes 16 s at this rate."""
 _NAME = re.compile(r"[A-Za-z0-9-]+")
 MetricsAccess = Literal["read", "open", "off"]
 
@@ -83,6 +87,25 @@ class Settings(BaseSettings):
         default=30.0, gt=0.0, le=3600.0, description="Seconds for which a ticket opens a websocket, once."
     )
 
+    connections_per_client: int = Field(
+        default=256,
+        ge=0,
+        description="Connections of one address at a time; 0: no limit. Addresses of this machine "
+        "are not limited, see unlimited_clients; behind a proxy, trusted_proxies has to name it.",
+    )
+    bytes_per_second: int = Field(
+        default=0, ge=0, description="Bytes a second sent to one address over all its connections; 0: no limit."
+    )
+    writes_per_minute: int = Field(
+        default=600, ge=0, description="Requests of one address that write, such as uploads, in a minute; 0: no limit."
+    )
+    unlimited_clients: Networks = Field(
+        default=("127.0.0.0/8", "::1/128"), description="Networks to whose addresses these limits do not apply."
+    )
+    trusted_proxies: Networks = Field(
+        default=(), description="Networks of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed."
+    )
+
     hello_timeout: float = Field(default=10.0, gt=0.0, description="Seconds a client has to ask for its mesh.")
     stall_timeout: float = Field(
         default=300.0, gt=0.0, description="Seconds a stream may stand still, for want of credit or of a reader."
@@ -106,7 +129,9 @@ class Settings(BaseSettings):
         description="Who may read /metrics: read, whoever may read the meshes; open, everybody; off, nobody.",
     )
 
-    @field_validator("allowed_origins", "allowed_methods", "allowed_headers", mode="before")
+    @field_validator(
+        "allowed_origins", "allowed_methods", "allowed_headers", "unlimited_clients", "trusted_proxies", mode="before"
+    )
     @classmethod
     def _split(cls, value: object) -> object:
         """A comma-separated list, as it stands in an environment variable, becomes a tuple."""
@@ -120,6 +145,18 @@ class Settings(BaseSettings):
         for name in value:
             if not _NAME.fullmatch(name):
                 raise ValueError(f"{name!r} is no name of a method or header")
+        return value
+
+    @field_validator("unlimited_clients", "trusted_proxies")
+    @classmethod
+    def _check_networks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(str(ip_network(text)) for text in value)
+
+    @field_validator("bytes_per_second")
+    @classmethod
+    def _check_rate(cls, value: int) -> int:
+        if 0 < value < SMALLEST_RATE:
+            raise ValueError(f"at less than {SMALLEST_RATE} bytes a second, one message takes too long")
         return value
 
     @field_validator("write_tokens", "read_tokens", mode="before")

@@ -33,6 +33,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from meshtide_codec.errors import PeerError, ProtocolError, StreamError
 from meshtide_codec.stream.session import ServerSession, error_frame
 from meshtide_server import metrics
+from meshtide_server.connections import cut
 from meshtide_server.metrics import StreamOutcome
 from meshtide_server.origins import may_connect
 from meshtide_server.problems import RefusedError, problem_response
@@ -277,12 +278,16 @@ class Conversation:
 
 
 async def _part(websocket: WebSocket, farewell: Farewell) -> None:
-    """Send the error frame, if there is one, and close."""
+    """Send the error frame, if there is one, and close; cut the connection of a client that reads neither."""
     reason = farewell.message.encode()[:LONGEST_REASON].decode(errors="ignore")
-    with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
-        async with asyncio.timeout(GOODBYE_SECONDS):
-            if farewell.code:
-                await websocket.send_bytes(error_frame(farewell.code, farewell.message))
+    try:
+        with suppress(WebSocketDisconnect, RuntimeError):
+            async with asyncio.timeout(GOODBYE_SECONDS):
+                if farewell.code:
+                    await websocket.send_bytes(error_frame(farewell.code, farewell.message))
+    except TimeoutError:  # nobody reads; what waits to be sent must not stay in memory
+        cut(websocket.scope)
+        return
     with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
         async with asyncio.timeout(GOODBYE_SECONDS):
             await websocket.close(farewell.close, reason)
