@@ -8,7 +8,8 @@ import numpy as np
 
 from meshes import grid
 from meshtide_client.paper.experiment import Arrays, FilterResult, LostDiff, SchemeResult, SurfaceDistance
-from meshtide_client.paper.mesh_result import MeshResult, new_mesh_result
+from meshtide_client.paper.mesh_result import PICTURED_FILTERS, MeshResult, new_mesh_result
+from meshtide_client.paper.noise_experiment import NoiseResult
 from meshtide_client.paper.norm_experiment import NORMS, NormResult
 from meshtide_client.paper.run import PaperResults
 from meshtide_codec.classic.geometry_bytes import GeometryBytes
@@ -48,6 +49,7 @@ def invented_mesh(
     errors: dict[str, float] | None = None,
     gaps: dict[str, float] | None = None,
     norms: dict[str, float] | None = None,
+    noises: dict[str, float] | None = None,
 ) -> MeshResult:
     """A patch of 400 vertices with these figures by filter, and every measure of a norm by the norm."""
     mesh = new_mesh_result(name, "invented", quantize(grid(20), OPTIONS.bits), OPTIONS)
@@ -57,6 +59,9 @@ def invented_mesh(
             for chosen, default in ((multi or RATES, 15.0), (single, 17.0), (errors, 1e-3), (gaps, 0.1))
         ]
         mesh.filters[filter_name] = invented_filter(filter_name, *figures)
+    for filter_name in PICTURED_FILTERS:
+        error = (noises or {}).get(filter_name, 1e-3)
+        mesh.noises[filter_name] = NoiseResult(filter_name, (1e-3, 2e-3), (1e-3, 2e-3), (error, 2e-3))
     for norm, figure in (norms or NORM_FIGURES).items():
         lost = LostDiff(figure, figure, figure, figure)
         mesh.norms.extend(NormResult(3, norm, scheme, lost, 1, figure, figure) for scheme in ("multi", "single"))

@@ -33,7 +33,9 @@ CASES: list[tuple[dict[str, Any], dict[str, Any]]] = [
     ({"gaps": {"gaussian": 0.3}}, {"gaps": {"zeroth": 0.3}}),
     ({"multi": {"degree 5": 14.0, "degree 7": 13.9}}, {"multi": {"degree 5": 14.0, "degree 7": 13.0}}),
     ({"norms": norms_won_by(MAXIMUM)}, {"norms": norms_won_by(L2)}),
+    ({"norms": norms_won_by(MAXIMUM)}, {"norms": norms_won_by(L2)}),
     ({"norms": norms_won_by(L2)}, {"norms": norms_won_by(L1)}),
+    ({"noises": FALLING}, {"noises": RISING}),
     ({"norms": norms_won_by(BETWEEN)}, {"norms": norms_won_by(MAXIMUM)}),
 ]
 """For each sentence, figures with which it holds and figures with which it does not."""

@@ -26,7 +26,7 @@ def patch(tmp_path: Path) -> Path:
 def test_results_do_not_depend_on_the_number_of_processes(patch: Path) -> None:
     one, two = (run_paper([str(patch)], OPTIONS, processes=count) for count in (1, 2))
     assert list(one.meshes[0].filters) == list(PAPER_FILTERS)
-    for rows in (tables.rate_rows, tables.accuracy_rows, tables.norm_rows, tables.histogram_rows):
+    for rows in (tables.rate_rows, tables.accuracy_rows, tables.norm_rows, tables.noise_rows, tables.histogram_rows):
         assert rows(one.meshes[0]) == rows(two.meshes[0])
 
 

@@ -13,6 +13,7 @@ from meshtide_codec.graph import build_adjacency
 
 if TYPE_CHECKING:
     from meshtide_client.paper.experiment import FilterResult
+    from meshtide_client.paper.noise_experiment import NoiseResult
     from meshtide_client.paper.norm_experiment import NormResult
     from meshtide_client.paper.published import PublishedMesh
     from meshtide_codec.classic.options import ClassicOptions
@@ -57,6 +58,7 @@ class MeshResult:
         regularity: how even it is.
         filters: results by filter.
         norms: results of the norms.
+        noises: results with perturbed Diffs, by filter.
     """
 
     name: str
@@ -67,6 +69,7 @@ class MeshResult:
     regularity: Regularity
     filters: dict[str, FilterResult] = field(default_factory=dict)
     norms: list[NormResult] = field(default_factory=list)
+    noises: dict[str, NoiseResult] = field(default_factory=dict)
 
     @property
     def published(self) -> PublishedMesh | None:

@@ -92,6 +92,7 @@ def _row_sets(results: PaperResults) -> dict[str, list[tables.Row]]:
         "accuracy": tables.accuracy_rows,
         "differences": tables.difference_rows,
         "norms": tables.norm_rows,
+        "noise": tables.noise_rows,
         "conclusions": tables.conclusion_rows,
         "histograms": tables.histogram_rows,
     }

@@ -15,16 +15,23 @@ body { font: 16px/1.5 system-ui, "DejaVu Sans", sans-serif; color: var(--ink); b
        margin: 0 auto; max-width: 72rem; padding: 1.5rem 2rem 4rem; }
 h1 { font-size: 1.9rem; line-height: 1.2; }
 h2 { margin-top: 3rem; border-top: 2px solid var(--line); padding-top: 1rem; }
-h3 { margin: 2rem 0 .4rem; } p { max-width: 48rem; } a { color: var(--mark); }
+h3 { margin: 2rem 0 .4rem; }
+p { max-width: 48rem; }
+a { color: var(--mark); }
 nav ul { columns: 2; padding-left: 1.2rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; margin: .5rem 0 1rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .22rem .7rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
-th { font-weight: 600; vertical-align: bottom; } th.text, td.text { text-align: left; white-space: normal; }
-td.published { color: var(--faint); } td.best { font-weight: 700; } tr.head th { border-bottom: 2px solid var(--ink); }
-td.yes::before { content: "\\2713 "; color: #2a7d3f; } td.no::before { content: "\\2717 "; color: #b03a2e; }
+th { font-weight: 600; vertical-align: bottom; white-space: normal; max-width: 9rem; border-color: var(--ink); }
+th.text, td.text { text-align: left; white-space: normal; }
+td.name { text-align: left; }
+td.published { color: var(--faint); }
+td.best { font-weight: 700; }
 td.yes, td.no { text-align: center; }
-figure { margin: 1rem 0 2rem; } figure img { max-width: 100%; height: auto; border: 1px solid var(--line); }
+td.yes::before { content: "\\2713 "; color: #2a7d3f; }
+td.no::before { content: "\\2717 "; color: #b03a2e; }
+figure { margin: 1rem 0 2rem; }
+figure img { max-width: 100%; height: auto; border: 1px solid var(--line); }
 figcaption, .note { color: var(--faint); font-size: .9rem; max-width: 48rem; }
 """
 
@@ -58,17 +65,17 @@ def contents(entries: Sequence[tuple[str, str]]) -> str:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequence[Sequence[str]] | None = None) -> str:
-    """A table of cells of plain text; its first column is text.
+    """A table of cells of plain text; its first column holds names.
 
     Args:
         columns: heads.
         rows: cells.
         classes: a class of the style for each cell, or an empty text.
     """
-    kinds = classes or [["text", *[""] * (len(columns) - 1)]] * len(rows)
+    kinds = classes or [["name", *[""] * (len(columns) - 1)]] * len(rows)
     first = kinds[0] if kinds else [""] * len(columns)
     heads = "".join(
-        f'<th class="{"text" if "text" in kind else ""}">{html.escape(column)}</th>'
+        f'<th class="{"text" if "text" in kind or "name" in kind else ""}">{html.escape(column)}</th>'
         for kind, column in zip(first, columns, strict=True)
     )
     body = "\n".join(
@@ -77,7 +84,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequen
         + "</tr>"
         for row, kinds_of_row in zip(rows, kinds, strict=True)
     )
-    return f'<div class="wide"><table><tr class="head">{heads}</tr>\n{body}\n</table></div>'
+    return f'<div class="wide"><table><tr>{heads}</tr>\n{body}\n</table></div>'
 
 
 def figure(picture: bytes, caption: str) -> str:

@@ -106,6 +106,8 @@ def _mesh_blocks(mesh: MeshResult, pictures: Mapping[str, bytes]) -> Iterator[st
     for scheme in ("multi", "single"):
         yield page.paragraph(f"{_SCHEME_NAMES[scheme].capitalize()}, the finest level's Diff lost:")
         yield _norm_table(mesh, scheme)
+    yield page.heading("Noise of the Diffs' own size (section 4.2)", 3)
+    yield _noise_table(mesh)
     yield page.heading("The paper's sentences on this mesh", 3)
     yield _finding_table(mesh)
 
@@ -165,11 +167,11 @@ def _size_table(mesh: MeshResult, rows: Sequence[Row], table_field: str) -> str:
             continue
         bounds = (f"{row['shannon_rate']:.2f}", f"{row['fine_shannon_rate']:.2f}")
         cells.append([row["filter"], *(f"{row[part]}" for part in _PARTS), f"{row['rate']:.2f}", *bounds])
-        classes.append(["text", "", "", "", "", "best" if row["rate"] == least else "", "", ""])
+        classes.append(["name", "", "", "", "", "best" if row["rate"] == least else "", "", ""])
         if row["published_total"] is not None:
             printed = [f"{row[f'published_{part}']}" for part in _PARTS]
             cells.append([f"  published, table {number}", *printed, f"{row['published_rate']:.2f}", "", ""])
-            classes.append(["text published", *["published"] * 7])
+            classes.append(["name published", *["published"] * 7])
     columns = ("filter", *_PARTS, "bits/vertex", "order-0 bound", "bound in finest steps")
     return page.table(columns, cells, classes)
 
@@ -180,80 +182,92 @@ def _degree_table(mesh: MeshResult, rows: Sequence[Row]) -> str:
     found = {(row["scheme"], row["filter"]): row for row in rows}
     cells, classes = [], []
     for scheme, title in _SCHEME_NAMES.items():
-        rates = [found[scheme, name]["rate"] for name in names]
-        cells.append([title, *(f"{rate:.2f}" for rate in rates)])
-        classes.append(["text", *("best" if rate == min(rates) else "" for rate in rates)])
+        rates = [f"{found[scheme, name]['rate']:.2f}" for name in names]
+        least = min(rates, key=float)
+        cells.append([title, *rates])
+        classes.append(["name", *("best" if rate == least else "" for rate in rates)])
     if mesh.published is not None:
         cells.append([f"published, table {mesh.published.degree_table}", *(f"{r:.2f}" for r in mesh.published.degrees)])
-        classes.append(["text published", *["published"] * len(names)])
+        classes.append(["name published", *["published"] * len(names)])
     return page.table(["bits/vertex", *names], cells, classes)
 
 
 def _accuracy_table(mesh: MeshResult) -> str:
     rows = [row for row in tables.accuracy_rows(mesh) if row["scheme"] == "single"]
     fields = ("mean", "rms", "largest_coordinate", "largest_vertex", "surface_rms", "surface_hausdorff")
-    least = {field: min(row[field] for row in rows) for field in fields}
-    cells = [[row["filter"], *(f"{1e4 * row[field]:.2f}" for field in fields)] for row in rows]
-    classes = [["text", *("best" if row[field] == least[field] else "" for field in fields)] for row in rows]
     columns = ("x 1e4", "mean |error|", "RMS", "largest, coordinate", "largest, vertex", "surface RMS", "Hausdorff")
     note = "Coordinates and vertices in units of the cube; surfaces as shares of the diagonal."
-    return page.table(columns, cells, classes) + page.paragraph(note, note=True)
+    cells = [[row["filter"], *(f"{1e4 * row[field]:.2f}" for field in fields)] for row in rows]
+    return page.table(columns, cells, _least_marked(cells)) + page.paragraph(note, note=True)
 
 
 def _difference_table(mesh: MeshResult) -> str:
+    columns = ["filter", "l2 error/vertex x 1e4", "alpha", "gap to the power law", "rate by eq. (21)"]
+    columns += ["order-0 bound", "coded"]
     cells = []
     for row in tables.difference_rows(mesh):
-        printed = row["published_l2_error"]
-        cells.append(
-            [
-                row["filter"],
-                f"{1e4 * row['l2_error']:.2f}",
-                "" if printed is None else f"{1e4 * printed:.2f}",
-                f"{row['alpha']:.2f}",
-                f"{row['gap']:.3f}",
-                f"{row['modelled_rate']:.2f}",
-                f"{row['shannon_rate']:.2f}",
-                f"{row['coded_rate']:.2f}",
-            ]
-        )
-    columns = (
-        "filter",
-        "l2 error/vertex x 1e4",
-        "published",
-        "alpha",
-        "gap to the power law",
-        "rate by eq. (21)",
-        "order-0 bound",
-        "coded",
-    )
-    classes = [["text", "", "published", "", "", "", "", ""]] * len(cells)
+        figures = [f"{1e4 * row['l2_error']:.2f}", f"{row['alpha']:.2f}", f"{row['gap']:.3f}"]
+        figures += [f"{row[rate]:.2f}" for rate in ("modelled_rate", "shannon_rate", "coded_rate")]
+        cells.append([row["filter"], *figures])
+    classes = [["name", *[""] * 6] for _ in cells]
+    if mesh.published is not None:
+        columns.insert(2, f"published, table {mesh.published.single_table}")
+        for row, shown, kinds in zip(tables.difference_rows(mesh), cells, classes, strict=True):
+            printed = row["published_l2_error"]
+            shown.insert(2, "" if printed is None else f"{1e4 * printed:.2f}")
+            kinds.insert(2, "published")
     return page.table(columns, cells, classes)
 
 
 def _norm_table(mesh: MeshResult, scheme: str) -> str:
     """The norms, degree by degree; the least of each column and degree is marked."""
-    fields = ("mean", "rms", "largest_coordinate", "largest_vertex")
     cells, classes = [], []
     rows = [row for row in tables.norm_rows(mesh) if row["scheme"] == scheme]
     for degree in sorted({row["degree"] for row in rows}):
-        chosen = [row for row in rows if row["degree"] == degree]
-        least = {field: min(row[field] for row in chosen) for field in (*fields, "rate", "shannon_rate")}
-        for row in chosen:
-            errors = [f"{1e4 * row[field]:.2f}" for field in fields]
-            cells.append(
-                [f"degree {degree}, {row['norm']}", *errors, f"{row['rate']:.2f}", f"{row['shannon_rate']:.2f}"]
-            )
-            classes.append(["text", *("best" if row[field] == least[field] else "" for field in least)])
+        block = [
+            [
+                f"degree {degree}, {row['norm']}",
+                *(f"{1e4 * row[name]:.2f}" for name in ("mean", "rms", "largest_coordinate", "largest_vertex")),
+                *(f"{row[name]:.2f}" for name in ("rate", "shannon_rate")),
+            ]
+            for row in rows
+            if row["degree"] == degree
+        ]
+        cells += block
+        classes += _least_marked(block)
     columns = (
         "fit",
-        "mean |error| x 1e4 (l1)",
-        "RMS x 1e4 (l2)",
-        "largest coordinate x 1e4 (l-infinity)",
+        "mean |error| (l1) x 1e4",
+        "RMS (l2) x 1e4",
+        "largest coordinate (l-infinity) x 1e4",
         "largest vertex x 1e4",
         "bits/vertex",
         "order-0 bound",
     )
     return page.table(columns, cells, classes)
+
+
+def _noise_table(mesh: MeshResult) -> str:
+    """One row a filter: noise and error, level by level from coarse to fine."""
+    cells: dict[str, list[str]] = {}
+    levels = []
+    for row in reversed(tables.noise_rows(mesh)):
+        sizes = (f"{1e4 * row[kind]:.1f}" for kind in ("injected_rms", "reconstructed_rms"))
+        cells.setdefault(row["filter"], [row["filter"]]).append(" \u2192 ".join(sizes))
+        levels.append(f"level {row['level']}")
+    note = (
+        "Multi-resolution, Gaussian noise on every Diff. Each cell: root mean square of the noise that the level's "
+        "Diff got, and of the level's error after decoding, in units of the cube x 1e4."
+    )
+    rows = [cells[name] for name in mesh.noises if name in cells]
+    return page.table(["filter", *dict.fromkeys(levels)], rows) + page.paragraph(note, note=True)
+
+
+def _least_marked(cells: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Classes of the cells: all that show the least number of their column are marked; the first column holds names."""
+    columns = list(zip(*cells, strict=True))[1:]
+    marked = [["best" if cell == min(column, key=float) else "" for cell in column] for column in columns]
+    return [["name", *row] for row in zip(*marked, strict=True)]
 
 
 def _published_blocks() -> Iterator[str]:

@@ -9,11 +9,12 @@ import multiprocessing
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from meshtide_client.paper.experiment import FilterResult, run_filter
 from meshtide_client.paper.like_meshes import LIKE_MESHES
 from meshtide_client.paper.mesh_result import PICTURED_FILTERS, MeshResult, new_mesh_result
+from meshtide_client.paper.noise_experiment import NoiseResult, run_noise
 from meshtide_client.paper.norm_experiment import NORM_DEGREES, NORMS, run_norm
 from meshtide_client.paper.published import SPHERE
 from meshtide_codec.errors import MeshtideError
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
 DEFAULT_MESHES = (SPHERE, *LIKE_MESHES, *sample_names())
 
 
+_Outcome: TypeAlias = "FilterResult | NoiseResult | list[NormResult] | MeshtideError"
+
+
 @dataclass(frozen=True, slots=True)
 class PaperResults:
     """What was found.
@@ -50,11 +54,12 @@ class PaperResults:
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    """A filter of section 5 or, where a degree is given, a norm of section 4, on one mesh."""
+    """A filter of section 5 or, where a degree is given, a norm of section 4, or a filter with noise, on one mesh."""
 
     mesh: str
     name: str
     degree: int | None = None
+    noise: bool = False
 
 
 def run_paper(
@@ -89,6 +94,8 @@ def run_paper(
             failures.setdefault(job.mesh, f"{job.name}: {outcome}")
         elif isinstance(outcome, FilterResult):
             meshes[job.mesh].filters[job.name] = outcome
+        elif isinstance(outcome, NoiseResult):
+            meshes[job.mesh].noises[job.name] = outcome
         else:
             meshes[job.mesh].norms.extend(outcome)
     whole = [_ordered(result) for name, result in meshes.items() if name not in failures]
@@ -122,12 +129,13 @@ def named_mesh(text: str, taken: Sequence[str]) -> tuple[str, str, Mesh]:
 
 def _jobs(mesh: str) -> list[_Job]:
     filters = [_Job(mesh, name) for name in PAPER_FILTERS]
-    return filters + [_Job(mesh, norm, degree) for degree in NORM_DEGREES for norm in NORMS]
+    noises = [_Job(mesh, name, noise=True) for name in PICTURED_FILTERS]
+    return filters + noises + [_Job(mesh, norm, degree) for degree in NORM_DEGREES for norm in NORMS]
 
 
 def _outcomes(
     jobs: Sequence[_Job], meshes: dict[str, MeshResult], options: ClassicOptions, processes: int
-) -> Iterator[tuple[_Job, FilterResult | list[NormResult] | MeshtideError]]:
+) -> Iterator[tuple[_Job, _Outcome]]:
     """Each job and what came of it, as they end."""
     if processes == 1:
         for job in jobs:
@@ -144,12 +152,12 @@ def _outcomes(
             raise
 
 
-def _work(
-    job: _Job, quantized: QuantizedMesh, options: ClassicOptions
-) -> FilterResult | list[NormResult] | MeshtideError:
+def _work(job: _Job, quantized: QuantizedMesh, options: ClassicOptions) -> _Outcome:
     try:
         if job.degree is not None:
             return run_norm(quantized, options, job.degree, job.name)
+        if job.noise:
+            return run_noise(quantized, options, job.name, PAPER_FILTERS[job.name])
         keep = job.name in PICTURED_FILTERS
         return run_filter(quantized, options, job.name, PAPER_FILTERS[job.name], keep_arrays=keep)
     except MeshtideError as error:
@@ -161,5 +169,8 @@ def _ordered(result: MeshResult) -> MeshResult:
     filters = {name: result.filters[name] for name in PAPER_FILTERS}
     result.filters.clear()
     result.filters.update(filters)
+    noises = {name: result.noises[name] for name in PICTURED_FILTERS}
+    result.noises.clear()
+    result.noises.update(noises)
     result.norms.sort(key=lambda found: (found.scheme, found.degree, list(NORMS).index(found.norm)))
     return result

@@ -125,6 +125,22 @@ def norm_rows(mesh: MeshResult) -> list[Row]:
     ]
 
 
+def noise_rows(mesh: MeshResult) -> list[Row]:
+    """Perturbed Diffs by filter and level, finest first: root mean squares of a coordinate in units of the cube."""
+    return [
+        {
+            "mesh": mesh.name,
+            "filter": name,
+            "level": level,
+            "difference_rms": found.differences[level],
+            "injected_rms": found.injected[level],
+            "reconstructed_rms": found.reconstructed[level],
+        }
+        for name, found in mesh.noises.items()
+        for level in range(len(found.differences))
+    ]
+
+
 def conclusion_rows(mesh: MeshResult) -> list[Row]:
     """Which of the paper's sentences hold for the mesh."""
     rows = []
