@@ -1,0 +1,194 @@
+"""Random and mutated websocket messages against a real server: `python tests/bench/load/fuzz_websocket.py`.
+
+Every connection says a few things: hellos and credits as they should be, the same with damaged bytes, any msgpack, any
+bytes, text, frames that are too large; then it waits, closes, or is gone without a word. A close with code 1011, an
+error frame `internal`, an end of the server, a line about a fault in its log, or growing memory or descriptors is a
+failure: the exit code is 1 then.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import random
+import sys
+import time
+from collections import Counter
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import msgpack
+from watched_server import MESH, WatchedServer, watched_server
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, WebSocketException
+
+from meshtide_codec.errors import ProtocolError
+from meshtide_codec.stream.messages import LARGEST_MESSAGE, Credit, Error, Hello, decode_message, encode_message
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+AT_ONCE = 20
+INTERNAL = 1011
+_ODD_NUMBERS = (0, 1, -1, 63, 64, 2**31, 2**53, 2**63 - 1, 2**64 - 1, -(2**63))
+
+
+class Fuzzer:
+    """Opens connections and talks.
+
+    Args:
+        server: the server.
+        wanted: how many messages.
+        seconds: how long at most.
+        seed: of everything that is random.
+    """
+
+    def __init__(self, server: WatchedServer, wanted: int, seconds: float, seed: int) -> None:
+        self._server = server
+        self._url = server.url.replace("http", "ws", 1)
+        self._wanted = wanted
+        self._until = time.monotonic() + seconds
+        self._random = random.Random(seed)
+        self._noted = False
+        self.sent = 0
+        self.connections = 0
+        self.endings: Counter[str] = Counter()
+
+    @property
+    def done(self) -> bool:
+        """Whether there were enough messages, time, or failures."""
+        return self.sent >= self._wanted or time.monotonic() > self._until or len(self._server.problems) > 20
+
+    async def run(self) -> None:
+        """Send all messages."""
+        while not self.done:
+            await asyncio.gather(*(self._talk() for _ in range(AT_ONCE)))
+            if not self._noted and self.sent >= self._wanted // 4:
+                self._noted = True
+                await asyncio.to_thread(self._server.note)
+
+    async def _talk(self) -> None:
+        pick = self._random
+        path = f"/meshes/{MESH}/stream" if pick.random() < 0.9 else f"/meshes/{pick.randrange(100)}/stream?ticket=x"
+        self.connections += 1
+        try:
+            async with (
+                asyncio.timeout(30.0),
+                connect(self._url + path, compression=None, max_size=None, proxy=None, close_timeout=5.0) as socket,
+            ):
+                for _ in range(pick.randrange(1, 12)):
+                    await socket.send(self._message())
+                    self.sent += 1
+                    if pick.random() < 0.2:
+                        with suppress(TimeoutError):
+                            self._look_at(await asyncio.wait_for(socket.recv(), 0.2))
+                if pick.random() < 0.3:
+                    socket.transport.abort()
+                    self.endings["gone"] += 1
+                    return
+                if pick.random() < 0.5:
+                    with suppress(TimeoutError):
+                        while True:
+                            self._look_at(await asyncio.wait_for(socket.recv(), 0.2))
+            self._ended(socket.close_code)
+        except ConnectionClosed as error:
+            self._ended(error.rcvd.code if error.rcvd else None)
+        except (OSError, WebSocketException, TimeoutError) as error:
+            self.endings[type(error).__name__] += 1
+
+    def _message(self) -> bytes | str:
+        """Something to say."""
+        pick = self._random
+        kind = pick.randrange(10)
+        if kind < 3:
+            return encode_message(self._hello())
+        if kind == 3:
+            return encode_message(Credit(pick.choice((0, 1, 1000, 1 << 20, 2**53))))
+        if kind < 6:
+            frame = bytearray(encode_message(self._hello()))
+            for _ in range(pick.randrange(1, 5)):
+                frame[pick.randrange(len(frame))] = pick.randrange(256)
+            return bytes(frame[: pick.randrange(1, len(frame) + 1)])
+        if kind < 8:
+            return bytes(msgpack.packb([pick.choice((*range(7), None, "x")), *(self._value(3) for _ in range(8))]))
+        if kind == 8:
+            return pick.choice(("", "hello", "\u0000", "[0]"))
+        return pick.randbytes(pick.choice((0, 1, 100, LARGEST_MESSAGE, LARGEST_MESSAGE + 1)))
+
+    def _hello(self) -> Hello:
+        pick = self._random
+        held = tuple((3 * index, 3 * index + pick.randrange(1, 3)) for index in range(pick.choice((0, 1, 5, 4000))))
+        return Hello(
+            protocol=pick.choice((1, 1, 1, 2)),
+            mesh=pick.choice((MESH, MESH, MESH, "other", "")),
+            fingerprint=pick.choice((b"", pick.randbytes(32))),
+            held=held,
+            until_level=pick.choice((None, 0, 3, 63)),
+            until_error=pick.choice((None, 0.0, 1e-3, 1e300)),
+            until_bytes=pick.choice((None, 0, 1000, 2**53)),
+            credit=pick.choice((0, 1, 1000, 1 << 20, 2**53)),
+        )
+
+    def _value(self, depth: int) -> Any:
+        pick = self._random
+        kind = pick.randrange(8 if depth else 6)
+        simple = (None, pick.random() < 0.5, pick.choice(_ODD_NUMBERS), pick.choice((0.5, float("nan"), float("inf"))))
+        if kind < len(simple):
+            return simple[kind]
+        if kind == 4:
+            return pick.randbytes(pick.randrange(40))
+        if kind == 5:
+            return pick.choice(("", MESH, "x" * 300))
+        if kind == 6:
+            return [self._value(depth - 1) for _ in range(pick.randrange(4))]
+        return {pick.randrange(9): self._value(depth - 1)}
+
+    def _look_at(self, frame: bytes | str) -> None:
+        try:
+            message = decode_message(frame)
+        except ProtocolError as error:
+            self._server.problems.append(f"the server sent what it must not: {error}")
+            return
+        if isinstance(message, Error) and message.code == "internal":
+            self._server.problems.append(f"error frame: {message.message}")
+
+    def _ended(self, code: int | None) -> None:
+        self.endings[str(code)] += 1
+        if code == INTERNAL:
+            self._server.problems.append("a connection was closed with code 1011")
+
+
+def fuzz(wanted: int, seconds: float, seed: int) -> dict[str, Any]:
+    """Run, and return what was seen; `problems` is empty if nothing was wrong."""
+    with watched_server("--hello-timeout", "2", "--stall-timeout", "5") as server:
+        fuzzer = Fuzzer(server, wanted, seconds, seed)
+        started = time.monotonic()
+        asyncio.run(fuzzer.run())
+        growth = server.growth()
+        if fuzzer.sent < wanted:
+            server.problems.append(f"only {fuzzer.sent} of {wanted} messages were sent in {seconds:g} s")
+        return {
+            "messages": fuzzer.sent,
+            "connections": fuzzer.connections,
+            "seconds": round(time.monotonic() - started, 1),
+            "endings": dict(sorted(fuzzer.endings.items())),
+            **growth,
+            "problems": server.problems,
+        }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; see above."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--messages", type=int, default=10_000, help="how many messages (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=900.0, help="how long at most (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of everything that is random (default: %(default)s)")
+    given_arguments = parser.parse_args(arguments)
+    result = fuzz(given_arguments.messages, given_arguments.seconds, given_arguments.seed)
+    print(json.dumps(result, indent=1))
+    return 1 if result["problems"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
