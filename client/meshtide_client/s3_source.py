@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from meshtide_client.byte_source import Reading
+from meshtide_client.tide_address import SUFFIX
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Sequence
 
 _CREDENTIALS = ("AWS_ACCESS_KEY_ID", "AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI")
 
@@ -37,32 +38,12 @@ class S3Source:
     name = "s3"
 
     def __init__(self, url: str, timeout: float) -> None:
-        try:
-            obstore: Any = import_module("obstore")  # an extra; without it there are no types either
-            stores: Any = import_module("obstore.store")
-        except ImportError as error:
-            raise OptionError("reading s3:// takes the extra s3: pip install 'meshtide[s3]'") from error
         parts = urlsplit(url)
-        settings: dict[str, Any] = {}
-        endpoint = os.environ.get("AWS_ENDPOINT_URL") or os.environ.get("AWS_ENDPOINT")
-        if endpoint:
-            settings["endpoint"] = endpoint
-        if not any(os.environ.get(name) for name in _CREDENTIALS):
-            settings["skip_signature"] = True
-        options: dict[str, Any] = {"timeout": timedelta(seconds=timeout)}
-        if endpoint and endpoint.startswith("http://"):
-            options["allow_http"] = True
         self._url = url
-        self._obstore = obstore
-        self._errors = obstore.exceptions
         self._key = parts.path.lstrip("/")
         self._tag: str | None = None
-        self._store = stores.S3Store(
-            parts.netloc,
-            client_options=options,
-            retry_config={"max_retries": 0},
-            **settings,
-        )
+        self._obstore, self._store = _open(parts.netloc, timeout)
+        self._errors = self._obstore.exceptions
 
     @asynccontextmanager
     async def read(self, start: int, end: int | None) -> AsyncIterator[Reading]:
@@ -87,6 +68,42 @@ class S3Source:
 
     async def close(self) -> None:
         """The store closes its connections by itself."""
+
+
+def list_files(url: str, timeout: float) -> Sequence[str]:
+    """The URLs of all `.tide` files below `url`, such as ``s3://bucket/scans``, in order.
+
+    Raises:
+        OptionError: the extra is not installed.
+        TransferError: the bucket cannot be read.
+    """
+    parts = urlsplit(url)
+    obstore, store = _open(parts.netloc, timeout)
+    prefix = parts.path.strip("/")
+    try:
+        keys = [entry["path"] for page in obstore.list(store, prefix or None) for entry in page]
+    except (obstore.exceptions.BaseError, OSError) as error:
+        raise TransferError(f"cannot list {url}: {_first_line(error)}") from error
+    return sorted(f"s3://{parts.netloc}/{key}" for key in keys if key.endswith(SUFFIX))
+
+
+def _open(bucket: str, timeout: float) -> tuple[Any, Any]:
+    """The module obstore and a store for the bucket."""
+    try:
+        obstore: Any = import_module("obstore")  # an extra; without it there are no types either
+        stores: Any = import_module("obstore.store")
+    except ImportError as error:
+        raise OptionError("reading s3:// takes the extra s3: pip install 'meshtide[s3]'") from error
+    settings: dict[str, Any] = {}
+    options: dict[str, Any] = {"timeout": timedelta(seconds=timeout)}
+    endpoint = os.environ.get("AWS_ENDPOINT_URL") or os.environ.get("AWS_ENDPOINT")
+    if endpoint:
+        settings["endpoint"] = endpoint
+        options["allow_http"] = endpoint.startswith("http://")
+    if not any(os.environ.get(name) for name in _CREDENTIALS):
+        settings["skip_signature"] = True
+    store = stores.S3Store(bucket, client_options=options, retry_config={"max_retries": 0}, **settings)
+    return obstore, store
 
 
 async def _pieces(answer: Any) -> AsyncIterator[bytes]:  # noqa: ANN401 - obstore is an extra

@@ -56,7 +56,7 @@ async def export_static(
 
     Args:
         sources: `.tide` files and mesh files (encoded here), folders of them, addresses of servers (all meshes that are
-            ready), of meshes, and of `.tide` files on web servers and in buckets.
+            ready), of meshes, of `.tide` files on web servers and in buckets, and of buckets with a prefix (all below).
         folder: is made if it is missing; what it holds already stays, files of the same id are replaced.
         options: how mesh files are encoded.
         link: timeout, retries and token.
@@ -103,6 +103,10 @@ def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[t
         return [(file.stem, str(file)) for file in files]
     if is_mesh_path(source) and "://" not in source:
         return [(path.stem, source)]
+    if source.startswith("s3://") and not source.endswith(SUFFIX):
+        from meshtide_client.s3_source import list_files  # noqa: PLC0415 - an extra
+
+        return [(parse_address(url).mesh, url) for url in list_files(source, link.timeout)]
     try:
         return [(parse_address(source).mesh, source)]
     except OptionError as error:

@@ -13,7 +13,7 @@ from meshtide_server.access import Access
 from meshtide_server.library import Library
 from meshtide_server.limiting import Limiting
 from meshtide_server.observation import Observation
-from meshtide_server.problems import handle_problems
+from meshtide_server.problems import EVERYWHERE, handle_problems
 from meshtide_server.readiness import Readiness
 from meshtide_server.routes import program_version, router
 from meshtide_server.routes_operations import router as operations_router
@@ -75,7 +75,13 @@ def create_app(settings: Settings) -> FastAPI:
             await app.state.streams.close()
             await library.stop()
 
-    app = FastAPI(title="meshtide", version=program_version(), description=DESCRIPTION, lifespan=lifespan)
+    app = FastAPI(
+        title="meshtide",
+        version=program_version(),
+        description=DESCRIPTION,
+        lifespan=lifespan,
+        responses=EVERYWHERE,
+    )
     app.state.settings = settings
     app.state.access = Access(settings)
     handle_problems(app)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
@@ -14,6 +15,12 @@ from meshtide_server.models import Problem
 if TYPE_CHECKING:
     from fastapi import FastAPI, Request, Response
 
+LONGEST_MESSAGE = 1000
+EVERYWHERE: dict[int | str, dict[str, Any]] = {
+    422: {"model": Problem, "description": "A parameter or the body is not what it should be."},
+    429: {"model": Problem, "description": "Too many connections or writes; Retry-After says when to come again."},
+}
+"""Refusals that every route may answer with."""
 _CODES = {HTTPStatus.NOT_FOUND: "not-found", HTTPStatus.METHOD_NOT_ALLOWED: "method-not-allowed"}
 
 
@@ -64,5 +71,11 @@ def handle_problems(app: FastAPI) -> None:
         }.get(status, str(error.detail))
         return problem_response(status, _CODES.get(status, "http-error"), message, dict(error.headers or {}))
 
+    async def invalid(_: Request, error: Exception) -> Response:
+        assert isinstance(error, RequestValidationError)  # noqa: S101 - it is registered for no other
+        parts = [f"{'.'.join(str(part) for part in detail['loc'])}: {detail['msg']}" for detail in error.errors()]
+        return problem_response(HTTPStatus.UNPROCESSABLE_ENTITY, "invalid", "; ".join(parts)[:LONGEST_MESSAGE])
+
+    app.add_exception_handler(RequestValidationError, invalid)
     app.add_exception_handler(RefusedError, refused)
     app.add_exception_handler(HTTPException, framework)

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
+from meshtide_client.s3_source import S3Source, list_files
 from meshtide_client.streaming import stream
 from meshtide_client.transport import Link
-from meshtide_codec.errors import PeerError, ProtocolError, TransferError
+from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
 from streams import encoded_grid
 from web_server import WebServer, web_server
 
@@ -55,6 +57,35 @@ async def test_a_download_from_a_bucket_goes_on(monkeypatch: pytest.MonkeyPatch,
         assert await levels(path) == LEVELS
     assert path.read_bytes() == WHOLE
     assert server.sent < len(WHOLE)
+
+
+LISTING = b"""<?xml version="1.0" encoding="UTF-8"?>
+<ListBucketResult><Name>museum</Name><Prefix>scans/</Prefix><KeyCount>2</KeyCount><MaxKeys>1000</MaxKeys>
+<IsTruncated>false</IsTruncated>
+<Contents><Key>scans/vase.tide</Key><LastModified>2020-01-01T00:00:00.000Z</LastModified><ETag>"a"</ETag>
+<Size>9</Size></Contents>
+<Contents><Key>scans/notes.txt</Key><LastModified>2020-01-01T00:00:00.000Z</LastModified><ETag>"b"</ETag>
+<Size>9</Size></Contents>
+<Contents><Key>scans/old/cup.tide</Key><LastModified>2020-01-01T00:00:00.000Z</LastModified><ETag>"c"</ETag>
+<Size>9</Size></Contents></ListBucketResult>"""
+
+
+def test_the_files_of_a_bucket_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    with web_server(WebServer(LISTING, ranges=False)) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+        files = list_files("s3://museum/scans", 10.0)
+    assert files == ["s3://museum/scans/old/cup.tide", "s3://museum/scans/vase.tide"]
+    assert "prefix=scans" in server.requests[0][0]
+    with web_server(WebServer(b"", status=403, problem=b"<Error/>")) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+        with pytest.raises(TransferError, match="cannot list s3://museum/scans: .*403"):
+            list_files("s3://museum/scans", 10.0)
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "obstore", None)
+    with pytest.raises(OptionError, match=r"pip install 'meshtide\[s3\]'"):
+        S3Source(URL, 10.0)
 
 
 @pytest.mark.parametrize(

@@ -112,6 +112,41 @@ def test_each_transport_brings_the_same_mesh(server: Any, meshtide: Any, transpo
     assert (meshtide.folder / f"{transport}.tide").read_bytes() == server.whole
 
 
+@pytest.mark.parametrize("transport", ["http", "download"])
+def test_a_connection_that_dies_in_the_middle_is_opened_again(
+    server: Any, relay: Any, meshtide: Any, transport: str
+) -> None:
+    link = relay(server.url, len(server.whole) * 2 // 3)
+    link.cut.set()
+    done = meshtide("fetch", f"{link.url}/meshes/{MESH}", "--transport", transport, "--stream-file", "s.tide", "--json")
+    assert done.returncode == ExitCode.OK, done.stderr
+    assert json.loads(done.stdout)["transport"] == transport
+    assert (meshtide.folder / "s.tide").read_bytes() == server.whole
+
+
+def test_a_server_that_is_killed_leaves_a_file_that_another_goes_on_with(
+    start_server: Any, relay: Any, meshtide: Any
+) -> None:
+    with start_server() as first:
+        link = relay(first.url, len(first.whole) * 2 // 3)
+        process = meshtide.start(
+            "fetch", f"{link.url}/meshes/{MESH}", "--transport", "http", "--stream-file", "s.tide", "--retries", "1"
+        )
+        full = link.full.wait(60.0)
+        first.process.kill()
+        first.process.wait()
+        link.cut.set()
+        _, errors = process.communicate(timeout=60)
+    assert "Traceback" not in errors
+    held = (meshtide.folder / "s.tide").stat().st_size
+    assert not full or process.returncode == ExitCode.NETWORK
+    with start_server() as second:
+        done = meshtide("fetch", second.mesh_url, "--transport", "http", "--stream-file", "s.tide", "--json")
+        assert done.returncode == ExitCode.OK, done.stderr
+        assert json.loads(done.stdout)["received_bytes"] < len(second.whole) - held + 4096
+    assert (meshtide.folder / "s.tide").read_bytes() == second.whole
+
+
 def test_a_file_on_the_disk_is_fetched(server: Any, meshtide: Any) -> None:
     (meshtide.folder / "copy.tide").write_bytes(server.whole)
     done = meshtide("fetch", "copy.tide", "--json")

@@ -212,6 +212,13 @@ async def test_openapi_describes_everything_with_examples(client: httpx.AsyncCli
     }
     for model in ("Problem", "Health", "MeshSummary", "MeshDetail", "Level", "PacketRow"):
         assert described["components"]["schemas"][model]["examples"]
+    for path, methods in described["paths"].items():
+        for method, operation in methods.items():
+            assert operation["summary"], (path, method)
+            assert operation["description"], (path, method)
+            for status in ("422", "429"):
+                schema = operation["responses"][status]["content"]["application/json"]["schema"]
+                assert schema == {"$ref": "#/components/schemas/Problem"}, (path, method)
     responses = described["paths"]["/meshes/{mesh_id}.tide"]["get"]["responses"]
     assert {"200", "206", "304", "404", "416", "503"} <= set(responses)
     assert "application/x-tide" in responses["206"]["content"]
