@@ -1,0 +1,26 @@
+"""Where bytes are kept: one small protocol, and stores that keep it: a folder, memory, S3.
+
+>>> from meshtide_server.store import open_store
+>>> open_store("memory:")
+MemoryStore(0 objects)
+"""
+
+from __future__ import annotations
+
+from meshtide_server.store.errors import InvalidKeyError, MissingObjectError, ObjectRangeError, StoreError
+from meshtide_server.store.keys import check_key, source_key, stream_key
+from meshtide_server.store.opening import open_store
+from meshtide_server.store.protocol import ObjectInfo, Store
+
+__all__ = [
+    "InvalidKeyError",
+    "MissingObjectError",
+    "ObjectInfo",
+    "ObjectRangeError",
+    "Store",
+    "StoreError",
+    "check_key",
+    "open_store",
+    "source_key",
+    "stream_key",
+]
