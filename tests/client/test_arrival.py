@@ -1,25 +1,34 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import asynccontextmanager
+from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from websockets.asyncio.server import serve
+from websockets.datastructures import Headers
+from websockets.http11 import Response
 
+from meshtide_client.address import MeshAddress
 from meshtide_client.arrival import Arrival
 from meshtide_client.holding import Holding
 from meshtide_client.partial_file import PartialFile
 from meshtide_client.transport import Link
 from meshtide_codec.errors import PeerError, TransferError
 from meshtide_codec.stream.container import write_container
-from meshtide_codec.stream.session import DoneEvent, PacketEvent, Until
+from meshtide_codec.stream.session import DoneEvent, PacketEvent, ServerSession, Until
 from streams import MadeUpStream
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import AsyncIterator, Callable
     from pathlib import Path
+
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request
 
 STREAM = MadeUpStream((400, 900, 20, 300, 700, 10, 2000))
 WHOLE = write_container(STREAM.header, STREAM.packet_bytes)
@@ -194,3 +203,75 @@ def _serving_function(request: pytest.FixtureRequest) -> Callable[..., Any]:
     """`serving` for tests that run many examples."""
     plugin = request.config.pluginmanager.get_plugin(str(request.path.parent / "conftest.py"))
     return plugin.serving  # type: ignore[union-attr, no-any-return]
+
+
+@asynccontextmanager
+async def dying_websockets(frames: int, *, file: bytes | None = WHOLE) -> AsyncIterator[tuple[MeshAddress, list[str]]]:
+    """A server whose first websocket is closed after so many frames, later ones at once; it has the file, too."""
+    asked: list[str] = []
+
+    def answer(connection: ServerConnection, request: Request) -> Response | None:
+        asked.append(request.path)
+        if not request.path.endswith(".tide"):
+            return None
+        if file is None:
+            return connection.respond(HTTPStatus.NOT_FOUND, "no such file")
+        headers = Headers({"Content-Length": str(len(file)), "Connection": "close"})
+        return Response(HTTPStatus.OK, "OK", headers, file)
+
+    async def handle(socket: ServerConnection) -> None:
+        session = ServerSession("vase", STREAM)
+        session.receive(await socket.recv())
+        for _ in range(frames if asked.count("/meshes/vase/stream") == 1 else 0):
+            if (frame := session.next_frame()) is not None:
+                await socket.send(frame)
+
+    async with serve(handle, "127.0.0.1", 0, compression=None, process_request=answer) as server:
+        port = next(iter(server.sockets)).getsockname()[1]
+        yield MeshAddress.parse(f"http://127.0.0.1:{port}/meshes/vase"), asked
+
+
+async def arrive(address: MeshAddress, holding: Holding, transport: str = "auto") -> tuple[Arrival, list[str]]:
+    told: list[str] = []
+    arrival = Arrival(
+        address,
+        holding,
+        until=Until(),
+        link=Link(retries=1, delay=0.001, timeout=5.0),
+        notify=told.append,
+        transport=transport,
+    )
+    async for _ in arrival.events():
+        pass
+    return arrival, told
+
+
+@pytest.mark.parametrize("frames", [0, 1, 3])
+async def test_where_websockets_die_another_transport_goes_on_with_what_came(frames: int, tmp_path: Path) -> None:
+    path = tmp_path / "vase.tide"
+    file = PartialFile(path)
+    async with dying_websockets(frames) as (address, asked):
+        arrival, told = await arrive(address, file)
+    file.close()
+    assert path.read_bytes() == WHOLE
+    assert arrival.transport == "download"  # this server knows no ranges
+    assert asked[-1] == "/meshes/vase.tide"
+    assert told[-1].endswith("reading by download instead")
+    assert "was lost" in told[-1]
+
+
+async def test_a_transport_that_was_chosen_is_the_only_one() -> None:
+    async with dying_websockets(1) as (address, asked):
+        with pytest.raises(TransferError, match="was lost"):
+            await arrive(address, Holding(), "websocket")
+        assert set(asked) == {"/meshes/vase/stream"}
+        asked.clear()
+        arrival, told = await arrive(address, Holding(), "download")
+        assert asked == ["/meshes/vase.tide"]
+    assert (arrival.transport, told) == ("download", [])
+
+
+async def test_why_the_first_transport_failed_is_told_in_the_end() -> None:
+    async with dying_websockets(0, file=None) as (address, _):
+        with pytest.raises(TransferError, match=r"was lost .* by download: .* HTTP status 404"):
+            await arrive(address, Holding())
