@@ -23,8 +23,8 @@ nav ul { columns: 2; padding-left: 1.2rem; }
 table { border-collapse: collapse; margin: .5rem 0 1rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .22rem .7rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
 th { font-weight: 600; vertical-align: bottom; white-space: normal; max-width: 9rem; border-color: var(--ink); }
-th.text, td.text { text-align: left; white-space: normal; }
-td.name { text-align: left; }
+th.text, td.text { text-align: left; white-space: normal; min-width: 12rem; }
+th.name, td.name { text-align: left; }
 td.published { color: var(--faint); }
 td.best { font-weight: 700; }
 td.yes, td.no { text-align: center; }
@@ -75,7 +75,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequen
     kinds = classes or [["name", *[""] * (len(columns) - 1)]] * len(rows)
     first = kinds[0] if kinds else [""] * len(columns)
     heads = "".join(
-        f'<th class="{"text" if "text" in kind or "name" in kind else ""}">{html.escape(column)}</th>'
+        f'<th class="{_column_class(kind)}">{html.escape(column)}</th>'
         for kind, column in zip(first, columns, strict=True)
     )
     body = "\n".join(
@@ -85,6 +85,11 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], classes: Sequen
         for row, kinds_of_row in zip(rows, kinds, strict=True)
     )
     return f'<div class="wide"><table><tr>{heads}</tr>\n{body}\n</table></div>'
+
+
+def _column_class(kind: str) -> str:
+    """The class of a head, from that of the first cell below: texts and names stand left, figures right."""
+    return next((word for word in kind.split() if word in {"text", "name"}), "")
 
 
 def figure(picture: bytes, caption: str) -> str:

@@ -140,12 +140,12 @@ def _mesh_table(meshes: Sequence[MeshResult]) -> str:
 
 
 def _conclusion_table(meshes: Sequence[MeshResult]) -> str:
-    columns = ["sentence", "section", "test", *(mesh.name for mesh in meshes)]
+    columns = ["sentence", "section and test", *(mesh.name for mesh in meshes)]
     rows, classes = [], []
     for sentence in SENTENCES:
         holds = [sentence.find(mesh).holds for mesh in meshes]
-        rows.append([f"\u201c{sentence.quote}\u201d", sentence.section, sentence.test, *["" for _ in meshes]])
-        classes.append(["text", "text", "text note", *("yes" if each else "no" for each in holds)])
+        rows.append([f"\u201c{sentence.quote}\u201d", f"{sentence.section}: {sentence.test}", *["" for _ in meshes]])
+        classes.append(["text", "text note", *("yes" if each else "no" for each in holds)])
     return page.table(columns, rows, classes)
 
 
