@@ -1,14 +1,18 @@
 from __future__ import annotations
 
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from meshes import grid
+from meshes import grid, shapes
 from meshtide_client.paper import run, tables
+from meshtide_client.paper.report import report_page
 from meshtide_client.paper.run import named_mesh, run_paper
-from meshtide_codec.errors import MeshError, MeshFileError
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.errors import MeshError, MeshFileError, MeshtideError
 from meshtide_codec.files import save_mesh
 from meshtide_codec.sphere import PAPER_FILTERS
 from paper_results import OPTIONS
@@ -45,6 +49,26 @@ def test_a_mesh_that_fails_in_the_middle_is_listed(patch: Path, monkeypatch: pyt
     results = run_paper([str(patch)], OPTIONS)
     assert not results.meshes
     assert "cannot be fitted" in results.failures["patch"]
+
+
+def test_a_process_that_is_ended_from_outside_is_told(patch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def ended(*_: object) -> Future[object]:
+        future: Future[object] = Future()
+        future.set_exception(BrokenProcessPool("gone"))
+        return future
+
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", ended)
+    with pytest.raises(MeshtideError, match="--processes"):
+        run_paper([str(patch)], OPTIONS, processes=2)
+
+
+@pytest.mark.parametrize("name", sorted(shapes()))
+def test_any_mesh_can_be_analysed_and_reported(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "named_mesh", lambda *_: ("shape", "a test", shapes()[name]()))
+    drawn = dict.fromkeys(("levels", "predictions", "rates", "histograms", "errors"), b"")
+    results = run_paper([name], ClassicOptions(bits=8, coarsest_vertices=10))
+    assert not results.failures
+    assert "shape" in report_page(results, {"shape": drawn})
 
 
 def test_progress_grows_to_the_end(patch: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -76,6 +77,9 @@ def run_paper(
         options: of the hierarchy; their filter is not looked at.
         processes: how many share the work; 1 for this one alone.
         progress: is called with a stage and the fraction done.
+
+    Raises:
+        MeshtideError: a process was ended from outside.
     """
     report = progress or (lambda _stage, _fraction: None)
     meshes: dict[str, MeshResult] = {}
@@ -147,6 +151,11 @@ def _outcomes(
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
+        except BrokenProcessPool as error:
+            raise MeshtideError(
+                "a process that shared the work ended before its time, most likely for lack of memory; "
+                "try fewer --processes, or fewer meshes"
+            ) from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
