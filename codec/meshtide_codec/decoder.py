@@ -28,6 +28,8 @@ from meshtide_codec.stream.container import read_container
 from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from meshtide_codec.stream.header import StreamHeader
@@ -48,24 +50,35 @@ class Decoder:
     Args:
         header: the stream's header.
         limits: what the header may claim.
+        perturb: changes Diffs after they are decoded, for experiments (Balan & Taubin 2000, section 4.2): it is called
+            with the level, the slice and the Diffs (n, 3) of a packet in steps of that level's grid, and returns what
+            is to be added in their place. In profile compact no vertex leaves its leaf cell by it.
 
     Raises:
         ContainerError: a profile that this program does not know, or options that make no sense.
         LimitError: a level over the limits.
     """
 
-    def __init__(self, header: StreamHeader, limits: Limits | None = None) -> None:
+    def __init__(
+        self,
+        header: StreamHeader,
+        limits: Limits | None = None,
+        perturb: Callable[[int, int, NDArray[np.float64]], NDArray[np.float64]] | None = None,
+    ) -> None:
         limits = limits or Limits()
         for row in header.levels:
             limits.check_mesh(row.vertices, row.faces, level=row.level)
         self.header = header
         self._limits = limits
         self._permutation: NDArray[np.int64] | None = None
+        self._perturb = perturb
+        self._perturbed_levels: set[int] = set()
+        hook = None if perturb is None else self._perturbed
         self._decoder: ClassicDecoder | CompactDecoder
         if header.profile == classic_options.PROFILE:
-            self._decoder = ClassicDecoder(header)
+            self._decoder = ClassicDecoder(header, hook)
         elif header.profile == compact_options.PROFILE:
-            self._decoder = CompactDecoder(header, limits)
+            self._decoder = CompactDecoder(header, limits, hook)
         else:
             raise ContainerError(f"unknown profile {header.profile!r}; a newer meshtide may read it")
 
@@ -79,7 +92,7 @@ class Decoder:
         if packet.kind is PacketKind.PERMUTATION and self._permutation is None:
             self._permutation = read_permutation(packet, self.header.vertices, self._limits)
             return []
-        return [LevelUpdate(level, self._decoder.is_exact(level)) for level in self._decoder.push(packet)]
+        return [LevelUpdate(level, self.is_exact(level)) for level in self._decoder.push(packet)]
 
     @property
     def permutation(self) -> NDArray[np.int64] | None:
@@ -98,7 +111,7 @@ class Decoder:
         A preview may lie nearer to the surface than the first levels of the hierarchy, which are finer.
         """
         distances = {row.level: row.rms for row in self.header.levels}
-        exact = [level for level in distances if self._decoder.is_exact(level)]
+        exact = [level for level in distances if self.is_exact(level)]
         return min(exact, key=lambda level: (distances[level], level), default=self._decoder.finest)
 
     def is_available(self, level: int) -> bool:
@@ -107,7 +120,7 @@ class Decoder:
 
     def is_exact(self, level: int) -> bool:
         """Whether the level is there, and as the encoder made it."""
-        return self._decoder.is_exact(level)
+        return self._decoder.is_exact(level) and all(perturbed < level for perturbed in self._perturbed_levels)
 
     def mesh(self, level: int) -> Mesh:
         """The mesh of a level as far as it is known now, in the unit of the input.
@@ -120,6 +133,14 @@ class Decoder:
         geometry = self._decoder.geometry(level)
         vertices = dequantize(geometry, self.header.bits, np.asarray(self.header.origin), self.header.extent)
         return Mesh(vertices, self._decoder.faces(level).astype(np.int64))
+
+    def _perturbed(self, level: int, part: int, differences: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What `perturb` makes of the Diffs of a packet, and a note that the level is no longer as it was sent."""
+        assert self._perturb is not None  # noqa: S101 - called by decoders that were given this
+        changed = self._perturb(level, part, differences)
+        if not np.array_equal(changed, differences):
+            self._perturbed_levels.add(level)
+        return changed
 
 
 def decode(data: bytes | memoryview, level: int = 0, limits: Limits | None = None) -> Mesh:

@@ -21,6 +21,8 @@ from meshtide_codec.graph import build_adjacency
 from meshtide_codec.stream.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from meshtide_codec.graph import Adjacency
@@ -38,14 +40,19 @@ class _Level:
     connectivity: NDArray[np.int32] | None = None
     adjacency: Adjacency | None = None
     coefficients: NDArray[np.float32] | None = None
-    differences: NDArray[np.int64] | None = None
+    differences: NDArray[np.int64] | NDArray[np.float64] | None = None
     geometry: NDArray[np.float64] | None = None
 
 
 class ClassicDecoder:
     """Decoder of one classic stream; see `meshtide_codec.decoder.Decoder` for its use."""
 
-    def __init__(self, header: StreamHeader) -> None:
+    def __init__(
+        self,
+        header: StreamHeader,
+        perturb: Callable[[int, int, NDArray[np.float64]], NDArray[np.float64]] | None = None,
+    ) -> None:
+        self._perturb = perturb
         self._options = ClassicHeader.from_options(header.options, header.bits)
         self._bits = header.bits
         self._coefficients = coefficient_count(self._options.filter)
@@ -136,7 +143,10 @@ class ClassicDecoder:
             level.coefficients = decode_param(packet.payload, self._options.filter)
         elif packet.kind is PacketKind.DIFF and packet.level in self._options.levels_with_diff:
             self._refuse_second(level.differences)
-            level.differences = decode_diff(packet.payload, level.vertices)
+            differences = decode_diff(packet.payload, level.vertices)
+            level.differences = (
+                differences if self._perturb is None else self._perturb(packet.level, 0, differences.astype(np.float64))
+            )
             self._forget_geometry(packet.level)
         else:
             raise PacketError("this stream has no such packet")

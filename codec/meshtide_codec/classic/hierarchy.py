@@ -75,7 +75,7 @@ def build_hierarchy(
         faces = canonical_faces(parents[faces].astype(np.int32))
 
 
-def cell_centres(cells: NDArray[np.integer], shift: int) -> NDArray[np.float64]:
+def cell_centres(cells: NDArray[np.integer] | NDArray[np.floating], shift: int) -> NDArray[np.float64]:
     """Positions, in finest steps, of the vertices of `cells` (n, 3) at a level that dropped `shift` bits."""
     return (cells.astype(np.float64) + 0.5) * float(1 << shift) - 0.5
 

@@ -14,6 +14,7 @@ from meshtide_codec.compact.difference_coding import DifferenceCoder
 from meshtide_codec.compact.display_filter import drawn_positions
 from meshtide_codec.compact.level import root_level
 from meshtide_codec.compact.options import CompactHeader
+from meshtide_codec.compact.perturbation import SliceShifts, shifted_positions
 from meshtide_codec.compact.previewing import decode_preview
 from meshtide_codec.compact.reliable_coding import NO_FACES, ReliableCoder
 from meshtide_codec.errors import ContainerError, MapConnError, PacketError
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from meshtide_codec.compact.diff_coder import SliceState
     from meshtide_codec.compact.level import Level
+    from meshtide_codec.compact.perturbation import Perturb
     from meshtide_codec.compact.previewing import GridPreview
     from meshtide_codec.limits import Limits
     from meshtide_codec.stream.header import StreamHeader
@@ -36,9 +38,10 @@ class CompactDecoder:
     Args:
         header: the stream's header.
         limits: what the packets may claim.
+        perturb: changes Diffs after they are decoded, see `Decoder`; vertices stay in their leaf cells.
     """
 
-    def __init__(self, header: StreamHeader, limits: Limits) -> None:
+    def __init__(self, header: StreamHeader, limits: Limits, perturb: Perturb | None = None) -> None:
         self._limits = limits
         self._bits = header.bits
         self._options = CompactHeader.from_options(header.options, header.bits)
@@ -55,6 +58,7 @@ class CompactDecoder:
         root = root_level(header.vertices)
         self._coders = [DifferenceCoder(root, slices, i, self._options.mirror) for i in range(len(slices))]
         self._diffs: list[dict[int, bytes]] = [{} for _ in self._coders]
+        self._shifts = [] if perturb is None else [SliceShifts(self._bits, i, perturb) for i in range(len(slices))]
         self._taken: set[tuple[PacketKind, int, int]] = set()
 
     def push(self, packet: Packet) -> list[int]:
@@ -109,7 +113,10 @@ class CompactDecoder:
         level = self._level(number)
         middles, depths = known_positions(level, self._states(), self._options.slices)
         strength = self._options.strengths[level.depth - self._options.base_depth]
-        return drawn_positions(level, middles, depths, self._bits, strength)
+        drawn = drawn_positions(level, middles, depths, self._bits, strength)
+        if not self._shifts:
+            return drawn
+        return shifted_positions(drawn, level, self._states(), self._options.slices, self._shifts)
 
     def _available(self) -> list[int]:
         """What can be shown, coarsest first: previews, then levels."""
@@ -180,4 +187,8 @@ class CompactDecoder:
                 continue
             if depth not in waiting or len(self._levels) <= depth:
                 return
-            coder.decode(waiting.pop(depth), self._levels[coder.depth + 1 : depth + 1])
+            try:
+                coder.decode(waiting.pop(depth), self._levels[coder.depth + 1 : depth + 1])
+            finally:  # bit planes before a damage are kept
+                if self._shifts:
+                    self._shifts[index].go_on(coder.state)
