@@ -13,9 +13,10 @@ from meshtide_server.access import Access
 from meshtide_server.library import Library
 from meshtide_server.limiting import Limiting
 from meshtide_server.observation import Observation
+from meshtide_server.prepared_answers import prepared_answers
 from meshtide_server.problems import EVERYWHERE, handle_problems
 from meshtide_server.readiness import Readiness
-from meshtide_server.routes import program_version, router
+from meshtide_server.routes import STREAM_ROUTE, program_version, router
 from meshtide_server.routes_operations import router as operations_router
 from meshtide_server.routes_packets import router as packets_router
 from meshtide_server.routes_tickets import router as tickets_router
@@ -84,7 +85,9 @@ def create_app(settings: Settings) -> FastAPI:
     )
     app.state.settings = settings
     app.state.access = Access(settings)
+    app.state.prepared = prepared_answers(settings)
     handle_problems(app)
+    app.router.routes.insert(0, STREAM_ROUTE)
     app.include_router(router)
     app.include_router(packets_router)
     app.include_router(tickets_router)
@@ -98,5 +101,7 @@ def create_app(settings: Settings) -> FastAPI:
             allow_headers=list(settings.allowed_headers),
             expose_headers=list(EXPOSED_HEADERS),
         )
-    app.add_middleware(Observation, access_log=settings.access_log)  # the last one added is the outermost
+    app.add_middleware(
+        Observation, prepared=app.state.prepared, access_log=settings.access_log
+    )  # the last one added is the outermost
     return app

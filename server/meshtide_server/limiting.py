@@ -123,6 +123,8 @@ def _size(message: Message) -> int:
     if message["type"] == "http.response.body":
         return len(message.get("body", b""))
     if message["type"] == "websocket.send":
+        if "frames" in message:
+            return sum(map(len, message["frames"]))
         return len(message.get("bytes") or message.get("text") or b"")
     return 0
 

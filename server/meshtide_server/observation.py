@@ -14,12 +14,21 @@ from typing import TYPE_CHECKING, Any
 
 from meshtide_server import metrics
 from meshtide_server.logs import HEADER, accepted_id, bound_id
+from meshtide_server.prepared_answers import LARGEST_BODY, plain
 from meshtide_server.problems import problem_response
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+    from meshtide_server.prepared_answers import PreparedAnswers
+
 logger = logging.getLogger("meshtide.access")
+
+HOLDS = "holds"
+"""Where a route leaves, in the state of its request, how to see that its answer holds; then it may be given again."""
+_SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
 class Observation:
@@ -27,11 +36,13 @@ class Observation:
 
     Args:
         app: the application inside.
+        prepared: takes the answers that may be given again.
         access_log: whether every request is a line at level info; else those are lines at level debug.
     """
 
-    def __init__(self, app: ASGIApp, *, access_log: bool = False) -> None:
+    def __init__(self, app: ASGIApp, prepared: PreparedAnswers, *, access_log: bool = False) -> None:
         self._app = app
+        self._prepared = prepared
         self._level = logging.INFO if access_log else logging.DEBUG
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -40,7 +51,8 @@ class Observation:
             await self._app(scope, receive, send)
             return
         identifier = accepted_id(next((value for name, value in scope["headers"] if name == HEADER), None))
-        answer = _Answer(send, identifier)
+        changing = scope.get("method", "GET") not in _SAFE
+        answer = _Answer(send, identifier, self._prepared.clear if changing else None)
         with bound_id(identifier):
             try:
                 await self._app(scope, receive, answer.send)
@@ -48,8 +60,19 @@ class Observation:
                 logger.exception("a fault of the server")
                 metrics.fault("stream" if scope["type"] == "websocket" else "http")
                 await _part(scope, receive, answer, identifier)
+            else:
+                self._prepare(scope, answer)
             finally:
                 self._note(scope, answer)
+
+    def _prepare(self, scope: Scope, answer: _Answer) -> None:
+        """Keep an answer that may be given again."""
+        holds = scope.get("state", {}).get(HOLDS)
+        if holds is None or not self._prepared.enabled or not answer.is_whole or scope["method"] != "GET":
+            return
+        if not scope["query_string"] and plain(scope["headers"]):
+            template = getattr(scope.get("route"), "path", metrics.UNMATCHED)
+            self._prepared.keep(scope["raw_path"], answer.headers, b"".join(answer.parts), template, holds)
 
     def _note(self, scope: Scope, answer: _Answer) -> None:
         seconds = time.perf_counter() - answer.started
@@ -73,28 +96,49 @@ class Observation:
 class _Answer:
     """Passes on what the application says, and remembers what has to be noted."""
 
-    __slots__ = ("_header", "_send", "size", "started", "status")
+    __slots__ = ("_before", "_header", "_send", "headers", "is_whole", "parts", "size", "started", "status")
 
-    def __init__(self, send: Send, identifier: str) -> None:
+    def __init__(self, send: Send, identifier: str, before: Callable[[], None] | None) -> None:
+        self._before = before
         self._send = send
         self._header = (HEADER, identifier.encode("ascii"))
         self.started = time.perf_counter()
         self.status = 0
         self.size = 0
+        self.headers: list[tuple[bytes, bytes]] = []
+        self.parts: list[bytes] = []
+        """The body, as long as it is short."""
+        self.is_whole = False
+        """Whether this is an answer with status 200 of which `parts` are the whole body."""
 
     async def send(self, message: Message) -> None:
         """One message of the application."""
         kind = message["type"]
         if kind == "http.response.body":
-            self.size += len(message.get("body", b""))
+            body = message.get("body", b"")
+            self.size += len(body)
+            if self.status == HTTPStatus.OK:
+                self._remember(body, last=not message.get("more_body", False))
         elif kind == "websocket.send":
-            self.size += len(message.get("bytes") or message.get("text") or b"")
+            self.size += sum(map(len, message.get("frames", ()))) or len(
+                message.get("bytes") or message.get("text") or b""
+            )
         elif kind in {"http.response.start", "websocket.accept", "websocket.http.response.start"}:
             self.status = message.get("status", HTTPStatus.SWITCHING_PROTOCOLS.value)
-            message["headers"] = [*message.get("headers", ()), self._header]
+            if self._before is not None:  # what was changed must not be seen any more by who is told that it was
+                self._before()
+            self.headers = list(message.get("headers", ()))
+            message["headers"] = [*self.headers, self._header]
         elif kind == "websocket.close" and not self.status:
             self.status = HTTPStatus.FORBIDDEN.value  # what a close before the acceptance becomes
         await self._send(message)
+
+    def _remember(self, body: bytes, *, last: bool) -> None:
+        if self.size > LARGEST_BODY:
+            self.parts.clear()
+        else:
+            self.parts.append(body)
+            self.is_whole = last
 
 
 async def _part(scope: Scope, receive: Receive, answer: _Answer, identifier: str) -> None:

@@ -62,6 +62,7 @@ async def packet(request: Request, digest: Digest) -> Response:
     start = place.stream.packet_offset(place.position)
     end = place.stream.packet_offset(place.position + 1)
     visibility = "public" if access_of(request).readable_by_all else "private"
+    request.state.holds = place.stream.storage.unchanged
     extract = Extract(f'"{digest}"', start, end, f"{visibility}, {_FOR_EVER}")
     return download(place.stream, request.method, request.headers, extract)
 

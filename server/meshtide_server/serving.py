@@ -15,16 +15,16 @@ import socket
 import sys
 import time
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING
 
 import uvicorn
-from uvicorn.config import WS_PROTOCOLS
 
 from meshtide_codec.errors import TransferError
 from meshtide_codec.files import write_atomically
 from meshtide_server import metrics
 from meshtide_server.app import create_app
-from meshtide_server.connections import CuttableProtocol
+from meshtide_server.connections import HttpProtocol, WebSocketProtocol
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -164,10 +164,10 @@ def configuration(app: FastAPI, settings: Settings) -> uvicorn.Config:
     return uvicorn.Config(
         app,
         lifespan="on",
-        http=CuttableProtocol,
+        http=partial(HttpProtocol, prepared=app.state.prepared),  # type: ignore[arg-type] # called like a class
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=list(settings.trusted_proxies),
-        ws="websockets-sansio" if "websockets-sansio" in WS_PROTOCOLS else "websockets",
+        ws=WebSocketProtocol,
         ws_max_size=settings.max_message,
         ws_per_message_deflate=False,  # packets are compressed already
         ws_ping_interval=PING_SECONDS,

@@ -28,12 +28,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from meshtide_codec.errors import PeerError, ProtocolError, StreamError
 from meshtide_codec.stream.session import ServerSession, error_frame
 from meshtide_server import metrics
-from meshtide_server.connections import cut
+from meshtide_server.connections import FRAMES, cut
 from meshtide_server.metrics import StreamOutcome
 from meshtide_server.origins import may_connect
 from meshtide_server.problems import RefusedError, problem_response
@@ -49,6 +49,8 @@ logger = logging.getLogger("meshtide.server")
 
 GOODBYE_SECONDS = 1.0
 """How long a client may take to read why it is dropped."""
+BATCH_BYTES = 1 << 16
+"""Frames are handed to the connection until they are so many bytes, then others get their turn."""
 LONGEST_REASON = 120
 """Bytes of a close frame's reason; the websocket protocol allows 123."""
 _CLOSE_CODES = {"unknown-mesh": 1008, "not-ready": 1013, "mesh-failed": 1011}
@@ -82,6 +84,7 @@ class Farewell:
 
 
 _SHUTTING_DOWN = Farewell(1012, "shutting-down", "the server is shutting down; connect again to resume")
+_COMPLETE = Farewell(1000)
 _GIVEN_UP = Farewell(1000)
 """The answer to a client that gave up."""
 
@@ -101,8 +104,9 @@ class Streams:
         self._draining = draining
         self._access = access
         self._settings = settings
-        self._closing = asyncio.Event()
+        self._closing = False
         self._running: set[asyncio.Task[None]] = set()
+        self._conversations: set[Conversation] = set()
 
     @property
     def count(self) -> int:
@@ -133,7 +137,8 @@ class Streams:
             farewell = await self._farewell(websocket, mesh_id)
             if farewell is not None:
                 outcome = StreamOutcome.LEFT if farewell is _GIVEN_UP else farewell.outcome
-                await _part(websocket, farewell)
+                if websocket.application_state is WebSocketState.CONNECTED:
+                    await _part(websocket, farewell)
         except WebSocketDisconnect:
             logger.debug("the client of %s left before it was greeted", mesh_id)
         finally:
@@ -142,7 +147,9 @@ class Streams:
 
     async def close(self, patience: float = 2 * GOODBYE_SECONDS + 0.5) -> None:
         """Tell all clients that the server goes away, and wait until they know, at most `patience` seconds."""
-        self._closing.set()
+        self._closing = True
+        for conversation in self._conversations:
+            conversation.end(_SHUTTING_DOWN)
         if self._running:
             await asyncio.wait(self._running, timeout=patience)
 
@@ -174,25 +181,13 @@ class Streams:
 
     async def _run(self, websocket: WebSocket, mesh_id: str, source: OpenStream) -> Farewell | None:
         conversation = Conversation(websocket, ServerSession(mesh_id, source), self._settings)
-        tasks = {
-            asyncio.create_task(conversation.listen(), name=f"listen {mesh_id}"),
-            asyncio.create_task(conversation.send(), name=f"send {mesh_id}"),
-            asyncio.create_task(self._wait_for_close(), name=f"close {mesh_id}"),
-        }
+        if self._closing:
+            return _SHUTTING_DOWN
+        self._conversations.add(conversation)
         try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            return await conversation.run()
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-        for task in done:
-            with suppress(WebSocketDisconnect):
-                return task.result()
-        return None
-
-    async def _wait_for_close(self) -> Farewell:
-        await self._closing.wait()
-        return _SHUTTING_DOWN
+            self._conversations.discard(conversation)
 
 
 class Conversation:
@@ -203,8 +198,35 @@ class Conversation:
         self._session = session
         self._settings = settings
         self._heard = asyncio.Event()
+        self._over: asyncio.Future[Farewell | None] = asyncio.get_running_loop().create_future()
         self._greeted_at = 0.0
         self._first_packet_sent = False
+
+    async def run(self) -> Farewell | None:
+        """Stream; returns how to part from the client, or None if it has left."""
+        tasks = (asyncio.create_task(self.listen()), asyncio.create_task(self.send()))
+        for task in tasks:
+            task.add_done_callback(self._task_ended)
+        try:
+            return await self._over
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    def end(self, farewell: Farewell) -> None:
+        """End it, unless it has ended."""
+        if not self._over.done():
+            self._over.set_result(farewell)
+
+    def _task_ended(self, task: asyncio.Task[Farewell | None]) -> None:
+        if task.cancelled() or self._over.done():
+            return
+        error = task.exception()
+        if error is None or isinstance(error, WebSocketDisconnect):
+            self._over.set_result(None if error else task.result())
+        else:
+            self._over.set_exception(error)
 
     async def listen(self) -> Farewell | None:
         """Feed the session until the client leaves or errs."""
@@ -238,18 +260,18 @@ class Conversation:
         deadline = loop.time() + self._settings.hello_timeout
         greeted = False
         while True:
-            frame = self._session.next_frame()
+            frames = self._next_frames()
             if self._session.greeted and not greeted:
                 greeted = True
                 deadline = loop.time() + self._settings.stall_timeout
             try:
                 async with asyncio.timeout_at(deadline):
-                    if frame is None:
+                    if not frames:
                         self._count()
                         await self._heard.wait()
                         self._heard.clear()
                         continue
-                    await self._websocket.send_bytes(frame)
+                    await self._transmit(frames)
                     if not self._first_packet_sent and self._session.sent_by_kind.keys() - {None}:
                         self._first_packet_sent = True
                         metrics.first_packet_sent(time.perf_counter() - self._greeted_at)
@@ -258,9 +280,28 @@ class Conversation:
             except RuntimeError as error:  # the protocol below has closed the connection while this was going on
                 raise WebSocketDisconnect(1006) from error
             if self._session.finished:
-                return Farewell(1000)
+                # Here and now: what is sent without a pause leaves in one piece with the last frames.
+                await _part(self._websocket, _COMPLETE)
+                return _COMPLETE
             deadline = loop.time() + self._settings.stall_timeout
             await asyncio.sleep(0)
+
+    def _next_frames(self) -> list[bytes]:
+        """What the session has to send, up to a batch."""
+        frames: list[bytes] = []
+        size = 0
+        while size < BATCH_BYTES and (frame := self._session.next_frame()) is not None:
+            frames.append(frame)
+            size += len(frame)
+        return frames
+
+    async def _transmit(self, frames: list[bytes]) -> None:
+        """Send frames, in one go if the server below can do that."""
+        if FRAMES in self._websocket.scope.get("extensions", {}):
+            await self._websocket.send({"type": "websocket.send", "frames": frames})
+            return
+        for frame in frames:
+            await self._websocket.send_bytes(frame)
 
     def _count(self) -> None:
         """Tell the metrics what was sent since the last time; not with each frame, of which there are many."""

@@ -1,20 +1,27 @@
 import logging
+import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 from fastapi import Request, WebSocket
+from hypothesis import given
+from hypothesis import strategies as st
 from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed
+from websockets.frames import Frame, Opcode
 from websockets.sync.client import connect
 
 from meshtide_codec.stream.session import ClientSession
-from meshtide_server.connections import cut
+from meshtide_server import routes
+from meshtide_server.connections import cut, frame_head
+from meshtide_server.prepared_answers import SECONDS
 from meshtide_server.settings import Settings
 
-from .conftest import make_stream
+from .conftest import LiveServer, make_stream
 
 
 def test_without_a_connection_nothing_is_cut() -> None:
@@ -40,8 +47,8 @@ def test_requests_and_websockets_can_be_cut(folder: Path, serve: Any) -> None:
     server.app.add_api_websocket_route("/cut-websocket", cut_websocket)
     with pytest.raises(httpx.RemoteProtocolError):
         httpx.get(f"{server.url}/cut")
-    with connect(f"{server.socket_url}/cut-websocket") as socket, pytest.raises(ConnectionClosed):
-        socket.recv(5.0)
+    with connect(f"{server.socket_url}/cut-websocket") as websocket, pytest.raises(ConnectionClosed):
+        websocket.recv(5.0)
     assert httpx.get(f"{server.url}/healthz").status_code == 200
 
 
@@ -51,8 +58,8 @@ def test_a_websocket_that_nobody_reads_leaves_nothing_behind(
     (folder / "large.tide").write_bytes(make_stream(3, (400, 30, 40, 2000, 50, 30_000_000)))
     caplog.set_level(logging.INFO)
     server = serve(Settings(directory=folder, rescan_seconds=0, stall_timeout=0.4))
-    with connect(f"{server.socket_url}/meshes/large/stream", max_queue=1, close_timeout=0.1) as socket:
-        socket.send(ClientSession("large", window=1 << 30).hello())
+    with connect(f"{server.socket_url}/meshes/large/stream", max_queue=1, close_timeout=0.1) as websocket:
+        websocket.send(ClientSession("large", window=1 << 30).hello())
         assert server.running_streams(1) == 1
         assert server.running_streams(0, 10.0) == 0
         deadline = time.monotonic() + 5.0
@@ -61,3 +68,106 @@ def test_a_websocket_that_nobody_reads_leaves_nothing_behind(
         assert not server.server.server_state.connections
     assert "nobody reads" in caplog.text or "read nothing" in caplog.text
     assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
+
+
+@given(st.one_of(st.integers(0, 300), st.integers(65_400, 66_000)))
+def test_heads_are_those_of_the_library(size: int) -> None:
+    data = bytes(size)
+    assert frame_head(size) + data == Frame(Opcode.BINARY, data).serialize(mask=False)
+
+
+def prepare(live: LiveServer, url: str) -> httpx.Response:
+    """Ask once, and wait until the answer is kept, which happens after it was sent."""
+    kept = len(live.app.state.prepared)
+    answer = httpx.get(url)
+    deadline = time.monotonic() + 5
+    while len(live.app.state.prepared) == kept:
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    return answer
+
+
+def packets(live: LiveServer) -> list[str]:
+    detail = httpx.get(f"{live.url}/meshes/small").raise_for_status().json()
+    return [f"{live.url}/packets/{packet['sha256']}" for packet in detail["packets"]]
+
+
+def test_an_answer_that_is_ready_is_the_same_as_the_first(
+    serve: Callable[[Settings], LiveServer], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live = serve(Settings(directory=folder))
+    first = prepare(live, f"{live.url}/meshes/small.tide")
+    monkeypatch.setattr(routes, "download", lambda *_: 1 / 0)  # the application is not asked any more
+    with httpx.Client() as client:
+        others = [client.get(f"{live.url}/meshes/small.tide") for _ in range(3)]
+    assert first.content == make_stream()
+    ids = {answer.headers["x-request-id"] for answer in (first, *others)}
+    assert len(ids) == 4
+    for answer in others:
+        assert answer.content == first.content
+        assert dict(answer.headers) | {"x-request-id": "", "date": ""} == dict(first.headers) | {
+            "x-request-id": "",
+            "date": "",
+        }
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Range": "bytes=0-9"}, 206),
+        ({"Range": "bytes=999999999-"}, 416),
+        ({"If-None-Match": "*"}, 304),
+        ({"If-Match": '"other"'}, 412),
+        ({"X-Request-ID": "mine"}, 200),
+        ({"Connection": "close"}, 200),
+    ],
+)
+def test_what_a_header_may_change_is_asked_of_the_application(
+    serve: Callable[[Settings], LiveServer], folder: Path, headers: dict[str, str], status: int
+) -> None:
+    live = serve(Settings(directory=folder))
+    url = packets(live)[3]
+    with httpx.Client() as client:
+        whole = prepare(live, url)
+        answer = client.get(url, headers=headers)
+        assert client.head(url).content == b""
+        again = client.get(url)
+    assert answer.status_code == status
+    assert answer.headers.get("x-request-id") == headers.get("X-Request-ID", answer.headers["x-request-id"])
+    assert ("close" in answer.headers.get("connection", "")) == ("Connection" in headers)
+    assert again.content == whole.content
+
+
+def test_a_file_that_changes_is_not_given_again(serve: Callable[[Settings], LiveServer], folder: Path) -> None:
+    live = serve(Settings(directory=folder, rescan_seconds=0))
+    assert prepare(live, f"{live.url}/meshes/small.tide").status_code == 200
+    (folder / "small.tide").write_bytes(make_stream(2))
+    assert httpx.get(f"{live.url}/meshes/small.tide").status_code == 503
+
+
+def test_requests_that_write_make_all_answers_new(serve: Callable[[Settings], LiveServer], folder: Path) -> None:
+    live = serve(Settings(directory=folder))
+    prepare(live, f"{live.url}/meshes/small.tide")
+    httpx.delete(f"{live.url}/meshes/small")
+    assert len(live.app.state.prepared) == 0
+
+
+def test_requests_in_one_piece_are_answered_in_their_order(
+    serve: Callable[[Settings], LiveServer], folder: Path
+) -> None:
+    live = serve(Settings(directory=folder))
+    first, second = (url.removeprefix(live.url) for url in packets(live)[:2])
+    whole = [httpx.get(live.url + path).content for path in (first, second)]
+    paths = [first, second, "/healthz", second, first]
+    asked = b"".join(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode() for path in paths[:-1])
+    asked += f"GET {first} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n".encode()
+    with socket.create_connection(("127.0.0.1", int(live.url.rsplit(":", 1)[1])), timeout=5 * SECONDS) as connection:
+        connection.sendall(asked)
+        answer = b""
+        while data := connection.recv(1 << 16):
+            answer += data
+    assert answer.count(b"HTTP/1.1 200 OK\r\n") == 5
+    positions = [answer.find(whole[0]), answer.find(whole[1]), answer.find(b'"status":"ok"'), answer.rfind(whole[1])]
+    assert positions == sorted(positions)
+    assert positions[0] >= 0
+    assert answer.endswith(whole[0])

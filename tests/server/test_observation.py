@@ -12,6 +12,7 @@ from websockets.sync.client import connect
 from meshtide_server import library, metrics
 from meshtide_server.logs import request_id
 from meshtide_server.observation import Observation
+from meshtide_server.prepared_answers import PreparedAnswers
 from meshtide_server.settings import Settings
 
 from .conftest import LiveServer
@@ -98,7 +99,7 @@ async def test_a_fault_in_any_websocket_closes_it() -> None:
     async def send(message: Any) -> None:
         sent.append(message)
 
-    await Observation(failing)({"type": "websocket", "headers": [], "path": "/"}, receive, send)
+    await Observation(failing, PreparedAnswers())({"type": "websocket", "headers": [], "path": "/"}, receive, send)
     assert [message["type"] for message in sent] == ["websocket.accept", "websocket.close"]
     assert sent[1]["code"] == 1011
 
@@ -112,7 +113,7 @@ async def test_an_answer_that_was_cut_off_is_not_taken_for_a_whole_one() -> None
         pass
 
     with pytest.raises(ConnectionAbortedError, match="request chosen-2 was cut off"):
-        await Observation(failing)(
+        await Observation(failing, PreparedAnswers())(
             {"type": "http", "method": "GET", "headers": [(b"x-request-id", b"chosen-2")], "path": "/"},
             None,  # type: ignore[arg-type]
             send,

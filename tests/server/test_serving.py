@@ -25,6 +25,7 @@ from meshtide_codec.stream.messages import (
     decode_message,
     encode_message,
 )
+from meshtide_server.app import create_app
 from meshtide_server.serving import AddressError, bind, configuration, url_of
 from meshtide_server.settings import Settings
 
@@ -211,7 +212,8 @@ def test_url_is_one_that_this_machine_reaches(host: str) -> None:
 
 
 def test_frames_are_limited_and_never_compressed(folder: Path) -> None:
-    config = configuration(lambda: None, Settings(directory=folder, max_message=2048, stall_timeout=120))  # type: ignore[arg-type]
+    settings = Settings(directory=folder, max_message=2048, stall_timeout=120)
+    config = configuration(create_app(settings), settings)
     assert (config.ws_max_size, config.ws_per_message_deflate, config.access_log) == (2048, False, False)
     assert config.ws_ping_timeout == 120
 

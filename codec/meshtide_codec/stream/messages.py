@@ -111,7 +111,9 @@ class _Types:
         4: Done,
         5: Error,
     }
-    NUMBERS: ClassVar[dict[type[Message], int]] = {message: number for number, message in BY_NUMBER.items()}
+    NUMBERS: ClassVar[dict[type[Message], tuple[int, tuple[str, ...]]]] = {
+        message: (number, tuple(field.name for field in fields(message))) for number, message in BY_NUMBER.items()
+    }
 
 
 def encode_message(message: Message) -> bytes:
@@ -120,8 +122,8 @@ def encode_message(message: Message) -> bytes:
     >>> decode_message(encode_message(Credit(1024)))
     Credit(size=1024)
     """
-    values = [getattr(message, field.name) for field in fields(message)]
-    return plain_values.pack([_Types.NUMBERS[type(message)], *values])
+    number, names = _Types.NUMBERS[type(message)]
+    return plain_values.pack([number, *[getattr(message, name) for name in names]])
 
 
 def decode_message(frame: bytes | str) -> Message:
