@@ -38,8 +38,19 @@ def serve(
     allow_origin: Annotated[
         list[str] | None, typer.Option(help="Web origin whose pages may read the meshes; * for all. May be repeated.")
     ] = None,
+    allow_method: Annotated[
+        list[str] | None,
+        typer.Option(help="Method of pages of those origins. May be repeated.", show_default="GET, HEAD, POST"),
+    ] = None,
+    allow_header: Annotated[
+        list[str] | None,
+        typer.Option(help="Header of pages of those origins. May be repeated.", show_default="what reading takes"),
+    ] = None,
+    ticket_seconds: Annotated[
+        float | None, typer.Option(help="Seconds for which a ticket opens a websocket.", show_default="30")
+    ] = None,
     hello_timeout: Annotated[
-        float | None, typer.Option(help="Seconds a client has to ask for its mesh.", show_default="10")
+        float | None, typer.Option(help="Seconds a client has to ask for something.", show_default="10")
     ] = None,
     stall_timeout: Annotated[
         float | None, typer.Option(help="Seconds a stream may stand still.", show_default="300")
@@ -102,6 +113,9 @@ def serve(
         "bits": bits,
         "profile": profile,
         "allowed_origins": tuple(allow_origin) if allow_origin else None,
+        "allowed_methods": tuple(allow_method) if allow_method else None,
+        "allowed_headers": tuple(allow_header) if allow_header else None,
+        "ticket_seconds": ticket_seconds,
         "hello_timeout": hello_timeout,
         "stall_timeout": stall_timeout,
         "rescan_seconds": rescan_seconds,

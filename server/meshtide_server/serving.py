@@ -164,7 +164,9 @@ def configuration(app: FastAPI, settings: Settings) -> uvicorn.Config:
     return uvicorn.Config(
         app,
         lifespan="on",
-        http=partial(HttpProtocol, prepared=app.state.prepared),  # type: ignore[arg-type] # called like a class
+        http=partial(  # type: ignore[arg-type] # called like a class
+            HttpProtocol, prepared=app.state.prepared, hello_timeout=settings.hello_timeout
+        ),
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=list(settings.trusted_proxies),
         ws=WebSocketProtocol,

@@ -106,7 +106,7 @@ class Settings(BaseSettings):
         default=(), description="Networks of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed."
     )
 
-    hello_timeout: float = Field(default=10.0, gt=0.0, description="Seconds a client has to ask for its mesh.")
+    hello_timeout: float = Field(default=10.0, gt=0.0, description="Seconds a client has to ask for something.")
     stall_timeout: float = Field(
         default=300.0, gt=0.0, description="Seconds a stream may stand still, for want of credit or of a reader."
     )

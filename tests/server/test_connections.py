@@ -1,7 +1,9 @@
+import asyncio
 import logging
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +52,62 @@ def test_requests_and_websockets_can_be_cut(folder: Path, serve: Any) -> None:
     with connect(f"{server.socket_url}/cut-websocket") as websocket, pytest.raises(ConnectionClosed):
         websocket.recv(5.0)
     assert httpx.get(f"{server.url}/healthz").status_code == 200
+
+
+@pytest.mark.parametrize("start", [b"", b"G", b"GET /meshes HTTP/1.1\r\nHost: h\r\nX-Long: "])
+def test_who_does_not_finish_asking_is_dropped(start: bytes, folder: Path, serve: Any) -> None:
+    server = serve(Settings(directory=folder, rescan_seconds=0, hello_timeout=0.4))
+    host, port = server.url.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port))) as client:
+        client.settimeout(5.0)
+        client.sendall(start)
+        began = time.monotonic()
+        with suppress(OSError):  # bytes one by one do not help
+            while time.monotonic() - began < 3.0:
+                client.sendall(b"x" if start else b"")
+                time.sleep(0.05)
+                if not server.server.server_state.connections:
+                    break
+        assert time.monotonic() - began < 3.0
+    assert not server.server.server_state.connections
+
+
+def test_who_asks_in_time_is_answered_however_often_and_long(folder: Path, serve: Any) -> None:
+    server = serve(Settings(directory=folder, rescan_seconds=0, hello_timeout=0.3))
+
+    async def slow() -> str:
+        await asyncio.sleep(0.6)
+        return "done"
+
+    server.app.add_api_route("/slow", slow)
+    with httpx.Client() as client:
+        for _ in range(2):
+            assert client.get(f"{server.url}/slow").json() == "done"
+        assert len(server.server.server_state.connections) == 1
+    with httpx.Client() as client:  # answers that are ready count as well
+        for _ in range(12):
+            assert client.get(f"{server.url}/meshes/small.tide").status_code == 200
+            time.sleep(0.05)
+    with connect(f"{server.socket_url}/meshes/small/stream") as stream:
+        stream.send(ClientSession("small", window=100).hello())
+        stream.recv(5.0)
+        time.sleep(0.6)
+        assert server.running_streams(1) == 1
+
+
+def test_after_an_answer_the_next_question_has_a_deadline_again(folder: Path, serve: Any) -> None:
+    server = serve(Settings(directory=folder, rescan_seconds=0, hello_timeout=0.3))
+    host, port = server.url.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port))) as client:
+        client.settimeout(3.0)
+        client.sendall(b"GET /healthz HTTP/1.1\r\nHost: h\r\n\r\n")
+        answer = b""
+        while not answer.endswith(b"}}"):
+            answer += client.recv(4096)
+        assert answer.startswith(b"HTTP/1.1 200")
+        client.sendall(b"GET /hea")
+        with suppress(ConnectionResetError):
+            assert client.recv(4096) == b""
 
 
 def test_a_websocket_that_nobody_reads_leaves_nothing_behind(
