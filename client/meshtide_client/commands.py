@@ -6,12 +6,15 @@ Imports of anything heavy happen inside the commands, so that `meshtide --help` 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from meshtide_client.paper.commands import register as register_paper
 from meshtide_client.rendering.commands import register as register_rendering
+
+if TYPE_CHECKING:
+    from meshtide_client.link.lossy_link import LossyLink
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news until the connection counts as lost.")]
@@ -59,6 +62,14 @@ def fetch(
         str, typer.Option(help="websocket, http (ranges), download (one plain request); auto: the first that works.")
     ] = "auto",
     token_file: TokenFileOption = None,
+    loss: Annotated[
+        str | None,
+        typer.Option(help="Send the packets over a lossy link, such as 'gilbert:p=0.05,r=0.5 + deadline:seconds=2'."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the lossy link: the same seed loses the same packets.")] = 0,
+    unprotected: Annotated[
+        str, typer.Option(help="What the link may lose besides Diffs: base,map-conn,param,preview, or all.")
+    ] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Fetch a mesh from a server, level by level.
@@ -67,6 +78,11 @@ def fetch(
     output, in a file that ends in .partial.tide. An existing output is replaced only when the mesh is complete.
 
     Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny -o bunny.ply --max-error 0.005
+
+    With --loss, packets are lost, late or perturbed before they are decoded, as by `meshtide simulate`; the server
+    sends them all, and --stream-file keeps them all.
+
+    Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny --loss loss:rate=0.1 --seed 3
     """
     from meshtide_client.credentials import find_token
     from meshtide_client.display import Display, result_json, result_line
@@ -77,6 +93,7 @@ def fetch(
 
     address = parse_address(url)
     target = output or Path(f"{address.file_stem}.ply")
+    lossy = _lossy_link(loss, seed, unprotected)
     display = Display(address.mesh)
     with display.shown():
         result = fetch_mesh(
@@ -87,6 +104,7 @@ def fetch(
             keep_levels=keep_levels,
             link=Link(timeout=timeout, retries=retries, rate=rate, token=find_token(token_file)),
             transport=transport,
+            loss=lossy,
             on_level=display.on_level,
             notify=display.notify,
             progress=display.progress,
@@ -178,6 +196,17 @@ def demo(
     from meshtide_client.demo import run_demo
 
     run_demo(output, mesh, rate=rate, wait=wait, draw=picture)
+
+
+def _lossy_link(loss: str | None, seed: int, unprotected: str) -> LossyLink | None:
+    from meshtide_client.link.lossy_link import LossyLink
+    from meshtide_codec.errors import OptionError
+
+    if loss is None:
+        if unprotected:
+            raise OptionError("--unprotected is about a lossy link; give one with --loss")
+        return None
+    return LossyLink.parse(loss, seed, unprotected)
 
 
 def _print_json(answer: object) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from meshtide_client.fetching import FetchResult
-    from meshtide_client.streaming import ReceivedLevel
+    from meshtide_client.streaming import LevelFigures, ReceivedLevel
 
 COMPILING = "compiling the decoder: this happens in the first run only, and takes a minute or two"
 
@@ -69,19 +69,20 @@ class Display:
 def result_line(result: FetchResult, output: Path) -> str:
     """What was fetched, in one line."""
     figures = result.figures
-    exact = "" if figures.exact else ", predicted only"
-    coarse = f", rms error {figures.rms:.2e}" if figures.rms else ""
+    exact = "" if figures.exact else ", predicted only" if result.link_report is None else ", not exact"
+    coarse = f", rms error {figures.rms:.2e}" if figures.rms > 0 else ""
     resumed = "" if result.received_bytes >= _payload(result) else f" ({result.received_bytes} of them fetched now)"
-    return (
+    line = (
         f"{output}: level {figures.level}{exact}{coarse}, {figures.vertices} vertices, {figures.faces} faces; "
         f"{figures.size} bytes{resumed} in {result.seconds:.2f} s"
     )
+    return line if result.link_report is None else f"{line}\nlink: {result.link_report.told()}"
 
 
 def result_json(result: FetchResult, *, output: Path, stream_file: Path | None) -> dict[str, Any]:
     """What was fetched, for programs."""
-    figures = asdict(result.figures) | {"seconds": result.seconds}
-    return {
+    figures = _plain(result.figures) | {"seconds": result.seconds}
+    answer = {
         "mesh": result.address.mesh,
         "url": str(result.address),
         "output": str(output),
@@ -90,8 +91,14 @@ def result_json(result: FetchResult, *, output: Path, stream_file: Path | None) 
         "transport": result.transport,
         "received_bytes": result.received_bytes,
         "complete": not result.more,
-        "levels": [asdict(level) for level in result.levels],
+        "levels": [_plain(level) for level in result.levels],
     }
+    return answer if result.link_report is None else answer | {"link": result.link_report.plain()}
+
+
+def _plain(figures: LevelFigures) -> dict[str, Any]:
+    """Figures for programs: what is not known, behind a lossy link, is None."""
+    return {name: None if value != value else value for name, value in asdict(figures).items()}  # noqa: PLR0124 - NaN
 
 
 def _payload(result: FetchResult) -> int:

@@ -12,9 +12,10 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from meshtide_client.holding import Holding
+from meshtide_client.link.lossy_reception import LossyReception
 from meshtide_client.partial_file import PartialFile
 from meshtide_client.streaming import Reception
 from meshtide_client.tide_address import parse_address
@@ -25,6 +26,7 @@ from meshtide_codec.stream.container import PREAMBLE_BYTES
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from meshtide_client.link.lossy_link import LinkReport, LossyLink
     from meshtide_client.streaming import LevelFigures, ReceivedLevel
     from meshtide_client.tide_address import Address
     from meshtide_client.transport import Link
@@ -48,6 +50,7 @@ class FetchResult:
         more: whether the stream goes on after what was asked for.
         seconds: from the start to the end.
         transport: how it came: websocket, http, download, s3 or local.
+        link_report: what a lossy link did, if there was one.
     """
 
     address: Address
@@ -59,6 +62,7 @@ class FetchResult:
     more: bool
     seconds: float
     transport: str
+    link_report: LinkReport | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +127,7 @@ def fetch(
     notify: Callable[[str], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
     transport: str = "auto",
+    loss: LossyLink | None = None,
 ) -> FetchResult:
     """Fetch the mesh at `url`, and wait until it is there.
 
@@ -141,10 +146,11 @@ def fetch(
         progress: is called with the bytes of the file that are there, and that there will be.
         transport: "websocket", "http" (ranges of the file), "download" (one plain request), or "auto" for the first
             of them that works.
+        loss: a lossy link that the packets go over before they are decoded, for experiments.
 
     Raises:
         OptionError: `url` is not the address of a mesh, or cannot be read by that transport, or `until` allows less
-            than the coarsest level.
+            than the coarsest level, or the lossy link cannot be.
         TransferError: there was no connection, or it was lost too often; the message says what is kept.
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
         StreamError: the stream is damaged or over the limits.
@@ -155,15 +161,18 @@ def fetch(
     destination.prepare()
     holding = destination.open(limits, notify)
     try:
-        reception = Reception(
-            address,
-            holding,
-            until=until,
-            link=link,
-            limits=limits,
-            notify=notify,
-            progress=progress,
-            transport=transport,
+        settings: dict[str, Any] = {
+            "until": until,
+            "link": link,
+            "limits": limits,
+            "notify": notify,
+            "progress": progress,
+            "transport": transport,
+        }
+        reception = (
+            Reception(address, holding, **settings)
+            if loss is None
+            else LossyReception(address, holding, loss, **settings)
         )
         result = _run(_Fetch(address, destination, reception, on_level))
         if destination.output is not None:
@@ -216,6 +225,7 @@ class _Fetch:
             more=self.reception.more,
             seconds=self.reception.seconds,
             transport=self.reception.transport or "none",
+            link_report=self.reception.link_report if isinstance(self.reception, LossyReception) else None,
         )
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from meshtide_client.tide_address import Address
     from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
-    from meshtide_codec.stream.header import StreamHeader
+    from meshtide_codec.stream.header import LevelEntry, StreamHeader
     from meshtide_codec.stream.packets import Packet
 
 
@@ -41,7 +41,8 @@ class LevelFigures:
         vertices: its vertex count.
         faces: its face count.
         exact: whether it is as the encoder made it.
-        rms: root mean square distance from the finest mesh, as a fraction of its bounding box's diagonal.
+        rms: root mean square distance from the finest mesh, as a fraction of its bounding box's diagonal; NaN where
+            a lossy link has left nobody knows what.
         maximum: largest distance, in the same unit.
         size: bytes of the file up to here: preamble, header and packets.
         seconds: since the download began.
@@ -206,16 +207,19 @@ class Reception:
         elif isinstance(event, PacketEvent):
             packets = [event.packet]
         elif self._decoder is None or not event.resumed:
-            self._decoder = Decoder(event.header, self._limits)
+            self._wanted = self._until.packet_count(event.header, len(event.header_bytes))
+            self._decoder = self._new_decoder(event.header)
             self._decoded = 0
             self._nearest = math.inf
-            self._wanted = self._until.packet_count(event.header, len(event.header_bytes))
             packets = list(self._holding.stored_packets())[: self._wanted]
         header = self._holding.header
         if header is not None:
             total = self._file_size(int(header.packet_offsets[self._wanted]))
             self._progress(min(self._holding.size, total), total)
         return packets
+
+    def _new_decoder(self, header: StreamHeader) -> Decoder:
+        return Decoder(header, self._limits)
 
     def _decode(self, packet: Packet) -> list[ReceivedLevel]:
         """The levels that `packet`, the next one, completes, if they show the mesh better than those before.
@@ -232,20 +236,20 @@ class Reception:
             if row.packet_count == self._decoded and (row.rms < self._nearest or row.level in {0, self._until.level}):
                 completed.append(row)
                 self._nearest = min(self._nearest, row.rms)
-        return [
-            ReceivedLevel(
-                level=row.level,
-                vertices=row.vertices,
-                faces=row.faces,
-                exact=decoder.is_exact(row.level),
-                rms=row.rms,
-                maximum=row.maximum,
-                size=self._file_size(decoder.header.level_bytes(row)),
-                seconds=self.seconds,
-                mesh=decoder.mesh(row.level),
-            )
-            for row in completed
-        ]
+        return [self._received_level(decoder, row) for row in completed]
+
+    def _received_level(self, decoder: Decoder, row: LevelEntry) -> ReceivedLevel:
+        return ReceivedLevel(
+            level=row.level,
+            vertices=row.vertices,
+            faces=row.faces,
+            exact=decoder.is_exact(row.level),
+            rms=row.rms,
+            maximum=row.maximum,
+            size=self._file_size(decoder.header.level_bytes(row)),
+            seconds=self.seconds,
+            mesh=decoder.mesh(row.level),
+        )
 
     def _file_size(self, packet_bytes: int) -> int:
         """Bytes of the file when its packets have so many."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from meshtide_client.link.damage import flipped
 from meshtide_client.link.syntax import parse_models, parse_unprotected
@@ -107,6 +107,11 @@ class LinkReport:
         """Packets that were lost, for whatever cause."""
         return sum(self.causes.values())
 
+    def plain(self) -> dict[str, Any]:
+        """The figures, for programs."""
+        figures = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return figures | {"lost": self.lost, "causes": dict(self.causes), "lost_kinds": dict(self.lost_kinds)}
+
     def told(self) -> str:
         """One sentence for a person.
 
@@ -172,8 +177,8 @@ class LossyReceiver:
             self._deliver(self.fates[index], self._waiting.pop(index))
 
     def resolved_before(self, count: int) -> bool:
-        """Whether nothing more will come of the first `count` packets."""
-        return all(self.resolved[:count])
+        """Whether the first `count` packets were all sent, and nothing more will come of them."""
+        return count <= len(self.resolved) and all(self.resolved[:count])
 
     def _deliver(self, fate: Fate, packet: Packet) -> None:
         self.report.seconds = max(self.report.seconds, fate.seconds)
