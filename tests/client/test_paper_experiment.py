@@ -56,7 +56,7 @@ def test_diffs_in_finest_steps_take_no_more_for_the_zeroth_order_filter() -> Non
 
 
 def test_measures_of_errors() -> None:
-    lost = lost_diff(np.array([[2.0, 0.0, 0.0], [0.0, -3.0, 4.0]]), 0.1)
+    lost = lost_diff(np.ones((2, 3)), np.array([[3.0, 1.0, 1.0], [1.0, -2.0, 5.0]]), 10)
     assert lost.mean == pytest.approx(0.15)
     assert lost.rms == pytest.approx(0.1 * np.sqrt(29 / 6))
     assert lost.largest_coordinate == pytest.approx(0.4)

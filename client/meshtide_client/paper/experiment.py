@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshtide_client.metrics import vertex_errors
 from meshtide_codec.classic.encoder import ClassicEncoding
 from meshtide_codec.classic.geometry_bytes import GeometryBytes, geometry_bytes
 from meshtide_codec.classic.hierarchy import cell_centres
@@ -161,7 +162,7 @@ def run_scheme(quantized: QuantizedMesh, options: ClassicOptions, scheme: str) -
         sizes=geometry_bytes(encoding, quantized.bits),
         shannon_rate=_shannon_rate(encoding.differences.values(), len(true)),
         fine_shannon_rate=_shannon_rate(_fine_differences(encoding), len(true)),
-        lost=lost_diff(prediction - true, 1 / grid_steps(quantized.bits)),
+        lost=lost_diff(true, prediction, grid_steps(quantized.bits)),
     )
     return result, Arrays(encoding.differences.get(0, np.zeros(true.shape, np.int64)), prediction)
 
@@ -176,16 +177,17 @@ def _shannon_rate(differences: Iterable[NDArray[np.int64]], vertices: int) -> fl
     return sum(shannon_bound_bits(each) for each in differences) / vertices
 
 
-def lost_diff(error: NDArray[np.float64], unit: float) -> LostDiff:
-    """The measures of errors (n, 3), which are in steps of `unit`.
+def lost_diff(true: NDArray[np.float64], prediction: NDArray[np.float64], steps: int) -> LostDiff:
+    """The errors of a prediction (n, 3) in a cube of so many steps.
 
-    >>> lost_diff(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0]]), 0.5).largest_vertex
+    >>> lost_diff(np.zeros((2, 3)), np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0]]), 2).largest_vertex
     2.5
     """
-    squares = (error * error).sum(axis=1)
+    errors = vertex_errors(true, prediction, unit=steps)
+    differences = prediction - true
     return LostDiff(
-        mean=float(np.abs(error).mean()) * unit,
-        rms=float(np.sqrt(squares.mean() / 3)) * unit,
-        largest_coordinate=float(np.abs(error).max()) * unit,
-        largest_vertex=float(np.sqrt(squares.max())) * unit,
+        mean=float(np.abs(differences).mean()) / steps,
+        rms=errors.rms,
+        largest_coordinate=errors.l_infinity,
+        largest_vertex=float(np.sqrt(np.square(differences).sum(axis=1).max())) / steps,
     )

@@ -1,7 +1,7 @@
 """Robustness as section 4.2 defines it: every Diff is perturbed by noise of its own size, and the error is looked at.
 
-Each level's Diff gets Gaussian noise whose root mean square, coordinate by coordinate, is that of the Diff; what comes
-out is decoded as it is, so that a level extends what the noise left of the coarser one.
+The noise is that of a lossy link (`meshtide_client.link`): Gaussian, its root mean square that of the level's Diff. It
+is decoded as it is, so that a level extends what the noise left of the coarser one.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshtide_client.link.damage import Noise
+from meshtide_client.link.lossy_link import LossyLink, receive
+from meshtide_client.metrics import vertex_errors
 from meshtide_codec.classic.encoder import ClassicEncoding
-from meshtide_codec.classic.level_coding import encode_diff
-from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import describe
 from meshtide_codec.quantize import grid_steps
-from meshtide_codec.stream.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from meshtide_codec.filters import FilterSpec
     from meshtide_codec.quantize import QuantizedMesh
 
-SEED = 2000
+LINK = LossyLink((Noise(relative=1.0),), seed=2000)
+"""The same noise for every filter, but for its size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,7 @@ class NoiseResult:
     Args:
         name: of the filter.
         differences: of each level's Diff.
-        injected: of the noise added to it, which is rounded to steps of the level.
+        injected: of the noise added to it.
         reconstructed: of each level's error after decoding.
     """
 
@@ -46,39 +47,26 @@ class NoiseResult:
 
 
 def run_noise(quantized: QuantizedMesh, options: ClassicOptions, name: str, spec: FilterSpec) -> NoiseResult:
-    """The multi-resolution scheme with one filter, all Diffs perturbed; the same noise generator for every filter."""
+    """The multi-resolution scheme with one filter, all Diffs perturbed."""
     encoding = ClassicEncoding(quantized, replace(options, filter=spec))
     described = describe(encoding, quantized)
-    generator = np.random.Generator(np.random.PCG64(SEED))
-    noises = {level: _noise(encoding.differences[level], generator) for level in sorted(encoding.differences)}
-    decoder = Decoder(described.header)
-    for packet in described.packets:
-        decoder.push(_perturbed(packet, encoding, noises))
+    decoder = receive(LINK, described.header, described.packets).decoder
+    noises = {fate.entry.level: fate.noises for fate in LINK.plan(described.header) if fate.noises}
     unit = 1 / grid_steps(quantized.bits)
     scale = quantized.extent or 1.0
     differences, injected, reconstructed = [], [], []
-    for level, noise in noises.items():
+    for level in sorted(encoding.differences):
         step = unit * (1 << encoding.levels[level].shift)
-        true = encoding.geometry[level] * unit
+        sent = encoding.differences[level].astype(np.float64)
+        changed = sent
+        for noise in noises[level]:
+            changed = noise(changed)
         shown = (decoder.mesh(level).vertices - quantized.origin) / scale
-        differences.append(_root_mean_square(encoding.differences[level]) * step)
-        injected.append(_root_mean_square(noise) * step)
-        reconstructed.append(_root_mean_square(shown - true))
+        differences.append(_root_mean_square(sent) * step)
+        injected.append(_root_mean_square(changed - sent) * step)
+        reconstructed.append(vertex_errors(encoding.geometry[level] * unit, shown).rms)
     return NoiseResult(name, tuple(differences), tuple(injected), tuple(reconstructed))
 
 
-def _noise(differences: NDArray[np.int64], generator: np.random.Generator) -> NDArray[np.int64]:
-    size = np.sqrt((differences.astype(np.float64) ** 2).mean(axis=0))
-    noise: NDArray[np.int64] = np.rint(generator.standard_normal(differences.shape) * size).astype(np.int64)
-    return noise
-
-
-def _perturbed(packet: Packet, encoding: ClassicEncoding, noises: dict[int, NDArray[np.int64]]) -> Packet:
-    if packet.kind is not PacketKind.DIFF:
-        return packet
-    payload = encode_diff(encoding.differences[packet.level] + noises[packet.level])
-    return replace(packet, payload=payload)
-
-
-def _root_mean_square(values: NDArray[np.float64] | NDArray[np.int64]) -> float:
-    return float(np.sqrt((values.astype(np.float64) ** 2).mean()))
+def _root_mean_square(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.square(values).mean()))
