@@ -33,7 +33,7 @@ def test_without_noise_the_levels_are_true(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_zeroth_order_filter_adds_up_the_noise_of_all_levels() -> None:
-    """It moves nothing, so a vertex has its ancestors' noise and its own: energies add up, but for the cube's border."""
+    """It moves nothing, so a vertex has its own noise and its ancestors': energies add up but for the border."""
     quantized = quantize(load_sample("spot"), 10)
     found = run_noise(quantized, ClassicOptions(bits=10), "zeroth", ZEROTH)
     energies = np.square(found.reconstructed)
