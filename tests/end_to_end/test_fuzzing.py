@@ -14,7 +14,7 @@ FOLDER = Path(__file__).parents[1] / "bench" / "load"
 
 @pytest.mark.parametrize(
     ("program", "option", "counted", "wanted"),
-    [("fuzz_http.py", "--requests", "requests", 800), ("fuzz_websocket.py", "--messages", "messages", 500)],
+    [("fuzz_http.py", "--requests", "requests", 600), ("fuzz_websocket.py", "--messages", "messages", 300)],
 )
 def test_a_server_takes_whatever_comes(program: str, option: str, counted: str, wanted: int) -> None:
     if program == "fuzz_http.py":

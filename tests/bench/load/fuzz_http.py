@@ -16,7 +16,7 @@ import sys
 import time
 import warnings
 from collections import Counter
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, urlsplit
 
@@ -30,7 +30,7 @@ from schemathesis import GenerationMode
 from watched_server import MESH, WRITE_TOKEN, WatchedServer, watched_server
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 BATCH = 40
 """Requests to one operation before it is another one's turn."""
@@ -74,6 +74,8 @@ class Fuzzer:
         self._session.trust_env = False
         self.sent = 0
         self.statuses: Counter[int] = Counter()
+        self.unsent: Counter[str] = Counter()
+        """Requests that got no answer, by the client's error: such as headers that it does not write."""
 
     @property
     def done(self) -> bool:
@@ -116,7 +118,7 @@ class Fuzzer:
             if self.done:
                 return
             headers = {"Authorization": f"Bearer {WRITE_TOKEN}"} if self._random.random() < 0.5 else {}
-            with suppress(UnicodeError, requests.RequestException):  # what the client cannot write was not sent
+            with self._told(f"{case.method} {case.formatted_path!r}"):
                 answer = case.call(session=self._session, headers=headers, timeout=30.0)
                 self._note(answer.status_code, answer.content, f"{case.method} {case.formatted_path!r}")
 
@@ -136,7 +138,7 @@ class Fuzzer:
         names = pick.sample(sorted(_HEADERS), pick.randrange(4))
         headers = {name: pick.choice(_HEADERS[name]).encode() for name in names}
         body = pick.randbytes(pick.choice((0, 0, 1, 300, 70_000)))
-        with suppress(requests.RequestException, UnicodeError, ValueError):
+        with self._told(f"{path!r} {headers}"):
             answer = self._session.request(
                 pick.choice(_METHODS), self._server.url + path, headers=headers, data=body, timeout=30.0
             )
@@ -159,6 +161,17 @@ class Fuzzer:
                 self._note(int(line[1]) if len(line) > 1 else 0, b"", f"junk {bytes(request)!r}")
                 return
         self._note(0, b"", "")
+
+    @contextmanager
+    def _told(self, what: str) -> Iterator[None]:
+        """An answer that does not come is a failure; what the client cannot write was not sent."""
+        try:
+            with suppress(UnicodeError, ValueError):
+                yield
+        except requests.Timeout:
+            self._server.problems.append(f"no answer to {what[:300]}")
+        except requests.RequestException as error:
+            self.unsent[type(error).__name__] += 1
 
     def _note(self, status: int, body: bytes, what: str) -> None:
         self.sent += 1
@@ -190,6 +203,7 @@ def fuzz(wanted: int, seconds: float, seed: int) -> dict[str, Any]:
             "requests": fuzzer.sent,
             "seconds": round(time.monotonic() - started, 1),
             "statuses": {str(status): count for status, count in sorted(fuzzer.statuses.items())},
+            "unsent": dict(fuzzer.unsent),
             **growth,
             "problems": server.problems,
         }
