@@ -13,7 +13,7 @@ $(VENV)/demo.done: pyproject.toml
 
 $(VENV)/test.done: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[test,bench]'
+	$(BIN)/python -m pip install --quiet --editable '.[test,bench,lab]'
 	touch $@
 
 demo: $(VENV)/demo.done ## Watch the Stanford bunny arrive over a websocket, coarse to fine.

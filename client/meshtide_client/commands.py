@@ -1,4 +1,4 @@
-"""The client's part of the command `meshtide`: fetch, meshes, export, demo; `render`, `paper` have their own folders.
+"""The client's part of the command `meshtide`: fetch, meshes, export, demo; other commands have folders of their own.
 
 Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
 """
@@ -12,6 +12,7 @@ import typer
 
 from meshtide_client.paper.commands import register as register_paper
 from meshtide_client.rendering.commands import register as register_rendering
+from meshtide_client.simulation.commands import register as register_simulation
 
 if TYPE_CHECKING:
     from meshtide_client.link.lossy_link import LossyLink
@@ -32,6 +33,7 @@ def register(app: typer.Typer) -> None:
     app.command()(demo)
     register_rendering(app)
     register_paper(app)
+    register_simulation(app)
 
 
 def fetch(

@@ -1,0 +1,265 @@
+"""A sweep: streams x links x seeds, spread over processes, noted in a journal as it goes.
+
+Every (mesh, variant) is encoded once. Results do not depend on the number of processes or on their order.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+from meshtide_client.link.lossy_link import LossyLink
+from meshtide_client.simulation.journal import Journal
+from meshtide_client.simulation.sources import open_source
+from meshtide_client.simulation.variants import Variant
+from meshtide_client.simulation.worker import Job, Run, do_job, make_stream
+from meshtide_codec.errors import MeshError, MeshtideError, OptionError
+from meshtide_codec.stream.container import read_available
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from meshtide_client.simulation.sources import Source
+
+RUNS_A_JOB = 10
+STREAMS = "streams"
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """What to simulate.
+
+    Args:
+        meshes: files, sample names, `.tide` files, or URLs of hosted meshes.
+        variants: how meshes are encoded; streams are taken as they are.
+        losses: links in their textual form.
+        seeds: of the links.
+        unprotected: what links may lose besides Diffs.
+
+    Raises:
+        OptionError: the sweep is empty, or names something twice, or a link that cannot be.
+    """
+
+    meshes: tuple[str, ...]
+    variants: tuple[Variant, ...]
+    losses: tuple[str, ...]
+    seeds: range
+    unprotected: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("meshes", "variants", "losses", "seeds"):
+            if not len(getattr(self, name)):
+                raise OptionError(f"the sweep is empty: it has no {name}")
+        for name in ("meshes", "losses"):
+            values = getattr(self, name)
+            if len(set(values)) < len(values):
+                raise OptionError(f"the sweep names one of its {name} twice")
+        for loss in self.losses:
+            LossyLink.parse(loss, 0, self.unprotected)
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """One encoded mesh of a sweep."""
+
+    source: Source
+    variant: Variant
+    path: Path
+
+
+@dataclass(slots=True)
+class SweepResults:
+    """What a sweep has found.
+
+    Args:
+        runs: one row a run: stream, link, seed, and the figures of the finest level that was left.
+        levels: one row for each level of each run.
+        failures: what could not be read, encoded or run, and why.
+        resumed: runs that were done before.
+    """
+
+    runs: list[dict[str, Any]] = field(default_factory=list)
+    levels: list[dict[str, Any]] = field(default_factory=list)
+    failures: dict[str, str] = field(default_factory=dict)
+    resumed: int = 0
+
+
+def run_sweep(
+    sweep: Sweep,
+    folder: Path,
+    *,
+    processes: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+) -> SweepResults:
+    """Run what of a sweep is not done yet, and return all of it.
+
+    Args:
+        sweep: what to do.
+        folder: for journal and streams; one that holds part of this very sweep is gone on with.
+        processes: how many share the work.
+        progress: is called with a stage and the fraction of it that is done.
+
+    Raises:
+        OptionError: the folder holds another sweep, or results of another version.
+        MeshError: none of the meshes could be encoded.
+    """
+    report = progress or (lambda _stage, _fraction: None)
+    report("read", 0.0)
+    results = SweepResults()
+    sources = _open_sources(sweep, results)
+    journal = Journal(folder, _definition(sweep, sources))
+    (folder / STREAMS).mkdir(exist_ok=True)
+    results.resumed = len(journal.done)
+    with _Workers(processes) as workers:
+        streams = _make_streams(sweep, sources, folder, workers, results, report)
+        runs = _runs(sweep, streams)
+        jobs = _jobs(runs, streams, journal, sweep.unprotected)
+        total = sum(len(job.runs) for job in jobs)
+        done = 0
+        for found in workers.results(do_job, [(job,) for job in jobs]):
+            done += len(found)
+            journal.add(result for result in found if "error" not in result)
+            for result in found:
+                if "error" in result:
+                    place, loss, seed = runs[result["run"]]
+                    results.failures[f"{_name(streams[place])}, {loss}, seed {seed}"] = result["error"]
+            report(f"{done} of {total} runs", done / total)
+    journal.close()
+    _collect(results, journal, runs, streams)
+    return results
+
+
+class _Workers:
+    """Calls functions in several processes, or in this one."""
+
+    def __init__(self, processes: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(processes, mp_context=context) if processes > 1 else None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def results(self, function: Callable[..., Any], calls: Sequence[tuple[Any, ...]]) -> Iterator[Any]:
+        """What `function` returns for each call, in any order."""
+        if self._pool is None:
+            for call in calls:
+                yield function(*call)
+            return
+        for future in as_completed([self._pool.submit(function, *call) for call in calls]):
+            yield future.result()
+
+
+def _open_sources(sweep: Sweep, results: SweepResults) -> list[Source]:
+    sources = []
+    for place in sweep.meshes:
+        try:
+            sources.append(open_source(place))
+        except (MeshtideError, OSError) as error:
+            results.failures[place] = str(error)
+    if not sources:
+        raise MeshError(f"none of the meshes could be read: {'; '.join(results.failures.values())}")
+    return sources
+
+
+def _definition(sweep: Sweep, sources: Sequence[Source]) -> dict[str, Any]:
+    return {
+        "meshes": {source.place: source.digest for source in sources},
+        "variants": [repr(variant.options) for variant in sweep.variants],
+        "losses": list(sweep.losses),
+        "seeds": [sweep.seeds.start, sweep.seeds.stop],
+        "unprotected": sweep.unprotected,
+    }
+
+
+def _make_streams(
+    sweep: Sweep,
+    sources: Sequence[Source],
+    folder: Path,
+    workers: _Workers,
+    results: SweepResults,
+    report: Callable[[str, float], None],
+) -> list[Stream]:
+    """All streams of the sweep; the file of one that cannot be made is missing. Those made before are kept."""
+    wanted = []
+    for place, source in enumerate(sources):
+        variants = sweep.variants if source.stream is None else (_variant_of(source.stream),)
+        for number, variant in enumerate(variants):
+            wanted.append(Stream(source, variant, folder / STREAMS / f"{place}-{source.name}-{number}.tide"))
+    missing = [stream for stream in wanted if not stream.path.exists()]
+    calls = [(index, stream.source, stream.variant, str(stream.path)) for index, stream in enumerate(missing)]
+    for done, (index, problem) in enumerate(workers.results(_make_numbered, calls), start=1):
+        if problem is not None:
+            results.failures[_name(missing[index])] = problem
+        report(f"encoded {done} of {len(missing)} streams", done / len(missing))
+    if not any(stream.path.exists() for stream in wanted):
+        raise MeshError(f"none of the meshes could be encoded: {'; '.join(results.failures.values())}")
+    return wanted
+
+
+def _make_numbered(index: int, source: Source, variant: Variant, path: str) -> tuple[int, str | None]:
+    return index, make_stream(source, variant, path)
+
+
+def _variant_of(stream: bytes) -> Variant:
+    """What a stream that exists is called."""
+    header, _, _ = read_available(stream)
+    spec = dict(header.options.get("filter", {}))
+    kind = spec.get("kind", "")
+    name = f"degree-{spec['degree']}" if kind == "polynomial" else kind
+    return Variant(header.profile, name, 0, len(header.options.get("s", [0])), None)
+
+
+def _runs(sweep: Sweep, streams: Sequence[Stream]) -> list[tuple[int, str, int]]:
+    """Every run's stream, link and seed; its place in this list is its number."""
+    return [(place, loss, seed) for place in range(len(streams)) for loss in sweep.losses for seed in sweep.seeds]
+
+
+def _jobs(
+    runs: Sequence[tuple[int, str, int]], streams: Sequence[Stream], journal: Journal, unprotected: str
+) -> list[Job]:
+    """The runs that are not done, a few of one stream a job."""
+    jobs = []
+    for place, stream in enumerate(streams):
+        if not stream.path.exists():
+            continue
+        left = [
+            Run(number, loss, seed)
+            for number, (other, loss, seed) in enumerate(runs)
+            if other == place and number not in journal.done
+        ]
+        jobs += [
+            Job(str(stream.path), tuple(left[start : start + RUNS_A_JOB]), unprotected)
+            for start in range(0, len(left), RUNS_A_JOB)
+        ]
+    return jobs
+
+
+def _collect(
+    results: SweepResults, journal: Journal, runs: Sequence[tuple[int, str, int]], streams: Sequence[Stream]
+) -> None:
+    for number in sorted(journal.done):
+        place, loss, seed = runs[number]
+        source, variant = streams[place].source, streams[place].variant
+        described = {
+            "mesh": source.name,
+            "profile": variant.profile,
+            "filter": variant.filter,
+            "S": variant.variable_from,
+            "slices": variant.slices,
+            "stream": variant.label,
+            "loss": loss,
+            "seed": seed,
+        }
+        results.runs.append(described | journal.done[number]["figures"])
+        results.levels += [described | row for row in journal.done[number]["levels"]]
+
+
+def _name(stream: Stream) -> str:
+    return f"{stream.source.name}, {stream.variant.label}"
