@@ -25,6 +25,11 @@ def serve(
     port: Annotated[
         int | None, typer.Option(help="Port to listen on; 0 takes a free one.", show_default="8000", min=0, max=65535)
     ] = None,
+    data: Annotated[Path | None, typer.Option(help="Folder where published meshes are kept.")] = None,
+    store: Annotated[
+        str | None,
+        typer.Option(help="Where their streams are kept: a folder, or s3://bucket/folder.", show_default="in --data"),
+    ] = None,
     cache: Annotated[
         Path | None,
         typer.Option(help="Folder for encoded streams.", show_default="beside the meshes, else the user's cache"),
@@ -109,6 +114,8 @@ def serve(
         "samples": samples,
         "host": host,
         "port": port,
+        "data": data,
+        "store": store,
         "cache": cache,
         "bits": bits,
         "profile": profile,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from meshtide_server.catalogue import MeshRecord
     from meshtide_server.hosted_stream import HostedStream
     from meshtide_server.storage import FileIdentity
 
@@ -55,6 +56,7 @@ class HostedMesh:
         progress: the fraction of that stage that is done.
         reason: why it failed.
         stream: its stream, once it is ready.
+        record: what the catalogue tells of it, if it comes from there.
     """
 
     id: str
@@ -64,6 +66,7 @@ class HostedMesh:
     progress: float = 0.0
     reason: str | None = None
     stream: HostedStream | None = field(default=None, repr=False)
+    record: MeshRecord | None = field(default=None, repr=False)
 
     def advance(self, stage: str, progress: float = 0.0) -> None:
         """Note what is being done."""

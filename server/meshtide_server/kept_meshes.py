@@ -51,6 +51,7 @@ class KeptMeshes:
         self._meshes: dict[str, HostedMesh] = {}
         self._updated: dict[str, datetime] = {}
         self._streams: dict[str, HostedStream] = {}
+        self._swept = False
 
     @property
     def meshes(self) -> dict[str, HostedMesh]:
@@ -97,7 +98,7 @@ class KeptMeshes:
             query = replace(query, after=page.next)
 
     async def _shown(self, record: MeshRecord) -> HostedMesh:
-        mesh = HostedMesh(record.id, Source(record.name))
+        mesh = HostedMesh(record.id, Source(record.name), record=record)
         if record.state == MeshState.FAILED:
             mesh.fail(record.reason or "it failed")
         elif record.state == MeshState.READY and record.stream is not None:
@@ -134,6 +135,12 @@ class KeptMeshes:
 
     async def _forget(self, needed: set[str | None]) -> None:
         """Let go of streams, and delete copies, that no mesh here needs."""
+        if not self._swept:  # what an earlier process has left
+            self._swept = True
+            keys = {stream_key(sha256) for sha256 in needed if sha256 is not None}
+            stale = [info.key async for info in self._copies.list("streams") if info.key not in keys]
+            for key in stale:
+                await self._copies.delete(key)
         for sha256 in self._streams.keys() - needed:
             del self._streams[sha256]
             await self._copies.delete(stream_key(sha256))

@@ -19,12 +19,16 @@ from meshtide_codec.errors import MeshtideError
 from meshtide_codec.files import is_mesh_path
 from meshtide_codec.samples import sample_names
 from meshtide_server import metrics
+from meshtide_server.catalogue import Catalogue
 from meshtide_server.encoder_process import EncoderProcess, Job
 from meshtide_server.hosted_mesh import TIDE_SUFFIX, HostedMesh, Source
 from meshtide_server.hosted_stream import HostedStream, StoppedError, load_stream
 from meshtide_server.identifiers import unique_id
+from meshtide_server.kept_meshes import KeptMeshes
 from meshtide_server.packet_index import PacketIndex, PacketPlace
+from meshtide_server.publishing import collect_unused
 from meshtide_server.storage import FileIdentity, FileStorage, MemoryStorage, Storage
+from meshtide_server.store import open_store
 from meshtide_server.stream_cache import (
     CachePlace,
     EncodingOptions,
@@ -43,6 +47,8 @@ logger = logging.getLogger("meshtide.server")
 
 Result = TypeVar("Result")
 
+COLLECT_SECONDS = 600.0
+"""How often streams that no mesh has are looked for in the store."""
 REPORT_SECONDS = 5.0
 """Progress within a stage is logged at most this often."""
 
@@ -61,6 +67,8 @@ class Library:
         self._options = EncodingOptions(bits=settings.bits, profile=settings.profile)
         self._meshes: dict[str, HostedMesh] = {}
         self._packets = PacketIndex()
+        self.kept: KeptMeshes | None = None
+        """Store and catalogue, where meshes are published; None if there are none."""
         self._to_check: asyncio.Queue[HostedMesh] = asyncio.Queue()
         self._to_encode: asyncio.Queue[tuple[HostedMesh, CachePlace, str]] = asyncio.Queue()
         self._unfinished = 0
@@ -76,11 +84,13 @@ class Library:
     @property
     def meshes(self) -> Sequence[HostedMesh]:
         """All of them, in the order of their ids."""
-        return sorted(self._meshes.values(), key=lambda mesh: mesh.id)
+        kept = self.kept.meshes if self.kept is not None else {}
+        return sorted({**kept, **self._meshes}.values(), key=lambda mesh: mesh.id)
 
     def find(self, identifier: str) -> HostedMesh | None:
-        """The mesh with that id."""
-        return self._meshes.get(identifier)
+        """The mesh with that id; one of the folder before one of the catalogue."""
+        found = self._meshes.get(identifier)
+        return self.kept.meshes.get(identifier) if found is None and self.kept is not None else found
 
     def find_packet(self, digest: bytes) -> PacketPlace | None:
         """Where the packet whose bytes have that SHA-256 lies."""
@@ -91,7 +101,9 @@ class Library:
         for name in sample_names() if self._settings.samples else ():
             self._add(Source(name))
         await self._scan_safely(settle=False)
-        if not self._meshes:
+        if self._settings.keeps_meshes:
+            await self._open_kept()
+        if not self._meshes and self.kept is None:
             logger.warning("there are no meshes in %s", self._settings.directory)
         self._tasks = [
             asyncio.create_task(self._check_all(), name="check streams"),
@@ -99,6 +111,8 @@ class Library:
         ]
         if self._settings.directory is not None and self._settings.rescan_seconds > 0:
             self._tasks.append(asyncio.create_task(self._rescan(), name="look for files"))
+        if self.kept is not None:
+            self._tasks.append(asyncio.create_task(self._follow_catalogue(self.kept), name="follow the catalogue"))
         self.looked_through = not self._meshes
         self._note_if_settled()
 
@@ -109,6 +123,8 @@ class Library:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self._encoder.close()
+        if self.kept is not None:
+            await self.kept.close()
         await asyncio.to_thread(self._scratch.close)
 
     async def reason_to_wait(self) -> str | None:
@@ -151,6 +167,44 @@ class Library:
             logger.error("%s cannot be served: %s", mesh.id, outcome)
         self._unfinished -= 1
         self._note_if_settled()
+
+    # Meshes of store and catalogue
+
+    async def _open_kept(self) -> None:
+        data = self._settings.data
+        copies = data / "copies" if data is not None else self._make_scratch()
+        store = await asyncio.to_thread(open_store, self._settings.store_url)
+        catalogue = await Catalogue.open(self._settings.database_url)
+        self.kept = KeptMeshes(store, catalogue, copies)
+        await self._refresh_kept(self.kept)
+
+    async def _follow_catalogue(self, kept: KeptMeshes) -> None:
+        collected = time.monotonic()
+        while True:
+            await asyncio.sleep(self._settings.catalogue_seconds)
+            try:
+                await self._refresh_kept(kept)
+                if time.monotonic() - collected > COLLECT_SECONDS:
+                    collected = time.monotonic()
+                    for sha256 in await collect_unused(kept.store, kept.catalogue):
+                        logger.info("deleted stream %s, which no mesh has", sha256)
+            except MeshtideError as error:
+                logger.warning("the catalogue cannot be followed: %s", error)
+            except Exception:
+                logger.exception("while the catalogue was followed")
+                metrics.fault("library")
+
+    async def _refresh_kept(self, kept: KeptMeshes) -> None:
+        """Bring the meshes of the catalogue, and the index of their packets, up to date."""
+        before = {mesh.id: mesh.stream for mesh in kept.meshes.values()}
+        await kept.refresh()
+        now = {mesh.id: mesh.stream for mesh in kept.meshes.values()}
+        for mesh_id in before.keys() | now.keys():
+            stream = now.get(mesh_id)
+            if stream is not before.get(mesh_id):
+                self._packets.remove(f"catalogue/{mesh_id}")
+                if stream is not None:
+                    self._packets.add(f"catalogue/{mesh_id}", stream)
 
     # Looking for files
 

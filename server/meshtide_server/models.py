@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from datetime import datetime  # noqa: TC003 - pydantic reads the annotations
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
 from meshtide_server.hosted_mesh import Status  # noqa: TC001 - pydantic reads the annotations
+from meshtide_server.searching import Search, box_of, parse_box
 
 if TYPE_CHECKING:
     from meshtide_server.hosted_mesh import HostedMesh
@@ -91,6 +93,56 @@ class Index(BaseModel):
     documentation: str = "/docs"
 
 
+class BoxModel(BaseModel):
+    """An axis-parallel box, in the mesh's own units."""
+
+    minimum: tuple[float, float, float]
+    maximum: tuple[float, float, float]
+
+
+class MeshQuestion(BaseModel):
+    """Which meshes are asked for."""
+
+    q: str = Field(
+        "", max_length=200, description="Words that all stand in the id, the name or the tags.", examples=["bunny"]
+    )
+    tag: list[str] = Field([], max_length=20, description="Tags that it has all of.", examples=[["scan"]])
+    status: Status | None = Field(None, description="Whether it can be fetched.")
+    smallest: int | None = Field(None, ge=0, description="Bytes of its stream, at least.")
+    largest: int | None = Field(None, ge=0, description="Bytes of its stream, at most.")
+    fewest_vertices: int | None = Field(None, ge=0, description="Vertices of its finest level, at least.")
+    most_vertices: int | None = Field(None, ge=0, description="Vertices of its finest level, at most.")
+    box: str | None = Field(
+        None,
+        description="A box that its own touches: smallest x, y, z, largest x, y, z.",
+        examples=["0,0,0,1,1,1"],
+    )
+    after: str = Field("", max_length=200, description="Only ids after this one.", examples=["spot"])
+    limit: int | None = Field(None, ge=1, le=1000, description="How many at most.", examples=[100])
+
+    @field_validator("box")
+    @classmethod
+    def _check_box(cls, value: str | None) -> str | None:
+        if value is not None:
+            parse_box(value)
+        return value
+
+    def search(self) -> Search:
+        """The same as the library understands it."""
+        return Search(
+            self.q,
+            tuple(self.tag),
+            self.status,
+            self.smallest,
+            self.largest,
+            self.fewest_vertices,
+            self.most_vertices,
+            parse_box(self.box) if self.box is not None else None,
+            self.after,
+            self.limit,
+        )
+
+
 class MeshSummary(BaseModel):
     """One hosted mesh."""
 
@@ -106,11 +158,16 @@ class MeshSummary(BaseModel):
     faces: int | None = Field(description="Faces of the finest level, once known.")
     levels: int | None = Field(description="How many states the stream can show, once known.")
     bytes: int | None = Field(description="Size of the whole stream, once known.")
+    box: BoxModel | None = Field(None, description="That holds the mesh, once known.")
+    tags: list[str] = Field([], description="Of a published mesh.")
+    licence: str | None = Field(None, description="The text of a published mesh's terms.")
+    created: datetime | None = Field(None, description="When it was first published.")
+    updated: datetime | None = Field(None, description="When it was last changed.")
 
     @classmethod
     def of(cls, mesh: HostedMesh) -> MeshSummary:
         """The summary of `mesh`."""
-        stream = mesh.stream
+        stream, record, box = mesh.stream, mesh.record, box_of(mesh)
         return cls(
             id=mesh.id,
             name=mesh.source.name,
@@ -122,6 +179,11 @@ class MeshSummary(BaseModel):
             faces=stream.header.faces if stream else None,
             levels=len(stream.header.levels) if stream else None,
             bytes=stream.size if stream else None,
+            box=BoxModel(minimum=box.minimum, maximum=box.maximum) if box else None,
+            tags=list(record.tags) if record else [],
+            licence=record.licence if record else None,
+            created=record.created if record else None,
+            updated=record.updated if record else None,
         )
 
 

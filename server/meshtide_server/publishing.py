@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_server.catalogue import Box, MeshRecord, MeshState, StreamRecord
 from meshtide_server.hosted_stream import HostedStream, load_stream
+from meshtide_server.searching import grid_box
 from meshtide_server.storage import FileStorage, MemoryStorage
 from meshtide_server.store import MissingObjectError, StoreError, stream_key
 
@@ -125,8 +126,6 @@ def _examine(data: bytes | Path, limits: Limits | None) -> tuple[HostedStream, S
 
 def _describe(stream: HostedStream, record: StreamRecord, publication: Publication) -> MeshRecord:
     header = stream.header
-    x, y, z = header.origin
-    grid = Box((x, y, z), (x + header.extent, y + header.extent, z + header.extent))
     mesh = MeshRecord(
         id=publication.id,
         name=publication.name,
@@ -142,7 +141,7 @@ def _describe(stream: HostedStream, record: StreamRecord, publication: Publicati
         vertices=header.vertices,
         faces=header.faces,
         levels=len(header.levels),
-        box=publication.box or grid,
+        box=publication.box or grid_box(header.origin, header.extent),
     )
 
 

@@ -6,14 +6,15 @@ import asyncio
 from http import HTTPStatus
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import urlencode
 
-from fastapi import APIRouter, Depends, Path, Request, Response, WebSocket
+from fastapi import APIRouter, Depends, Path, Query, Request, Response, WebSocket
 from starlette.routing import WebSocketRoute
 
 from meshtide_server.access import require_read
 from meshtide_server.download import MEDIA_TYPE, download
 from meshtide_server.hosted_mesh import HostedMesh, Status
-from meshtide_server.models import Index, MeshDetail, MeshSummary, Problem
+from meshtide_server.models import Index, MeshDetail, MeshQuestion, MeshSummary, Problem
 from meshtide_server.problems import RefusedError
 from meshtide_server.routes_tickets import UNAUTHORIZED
 
@@ -51,9 +52,16 @@ async def index() -> Index:
 
 
 @router.get("/meshes", summary="All meshes", tags=["meshes"], responses=UNAUTHORIZED, dependencies=READERS)
-async def meshes(request: Request) -> list[MeshSummary]:
-    """All hosted meshes, also those that are not ready."""
-    return [MeshSummary.of(mesh) for mesh in _library(request).meshes]
+async def meshes(request: Request, response: Response, asked: Annotated[MeshQuestion, Query()]) -> list[MeshSummary]:
+    """All hosted meshes in the order of their ids, also those that are not ready; or those that are asked for.
+
+    With a limit, the header Link names the next page, if there is one.
+    """
+    page, more = asked.search().page(_library(request).meshes)
+    if more:
+        kept = [(name, value) for name, value in request.query_params.multi_items() if name != "after"]
+        response.headers["Link"] = f'</meshes?{urlencode([*kept, ("after", page[-1].id)])}>; rel="next"'
+    return [MeshSummary.of(mesh) for mesh in page]
 
 
 @router.api_route(

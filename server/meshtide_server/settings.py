@@ -51,6 +51,22 @@ class Settings(BaseSettings):
         default=None,
         description="Folder for encoded streams; beside the meshes if that is writable, else the user's cache folder.",
     )
+    data: Path | None = Field(
+        default=None,
+        description="Folder where published meshes are kept: their streams, and a SQLite catalogue, unless store and "
+        "database name other places.",
+    )
+    store: str | None = Field(
+        default=None, description="Where published streams are kept: a folder, or s3://bucket/folder (extra s3)."
+    )
+    database: SecretStr | None = Field(
+        default=None,
+        description="The catalogue of published meshes: sqlite:///file.db, or postgresql://user:password@host/name "
+        "(extra postgres). It may hold a password, so it is no option of the command.",
+    )
+    catalogue_seconds: float = Field(
+        default=2.0, gt=0.0, description="How often the catalogue is asked what other servers have changed."
+    )
     bits: int = Field(
         default=DEFAULT_B, ge=SMALLEST_B, le=LARGEST_B, description="Bits per coordinate for meshes encoded here."
     )
@@ -182,6 +198,34 @@ class Settings(BaseSettings):
 
     @model_validator(mode="after")
     def _check_anything_to_host(self) -> Self:
-        if self.directory is None and not self.samples:
-            raise ValueError("nothing to host: give a DIRECTORY of meshes, or --samples for the meshes that come along")
+        if self.data is None and (self.store is None) != (self.database is None):
+            raise ValueError("store and database belong together: give both, or --data for a folder that holds them")
+        if self.directory is None and not self.samples and not self.keeps_meshes:
+            raise ValueError(
+                "nothing to host: give a DIRECTORY of meshes, --samples for the meshes that come along, "
+                "or --data for a folder of published ones"
+            )
         return self
+
+    @property
+    def keeps_meshes(self) -> bool:
+        """Whether there is a place to keep meshes that are published here."""
+        return self.data is not None or self.store is not None
+
+    @property
+    def store_url(self) -> str:
+        """Where published streams are kept."""
+        return self.store if self.store is not None else str(self._data_folder / "store")
+
+    @property
+    def database_url(self) -> str:
+        """Where the catalogue is; it may hold a password."""
+        if self.database is not None:
+            return self.database.get_secret_value()
+        return f"sqlite:///{self._data_folder / 'catalogue.db'}"
+
+    @property
+    def _data_folder(self) -> Path:
+        if self.data is None:
+            raise ValueError("there is no place to keep meshes; set data, or store and database")
+        return self.data.resolve()

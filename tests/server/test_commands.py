@@ -56,7 +56,7 @@ def test_arguments_become_settings(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], "nothing to host: give a DIRECTORY of meshes, or --samples"),
+        ([], "nothing to host: give a DIRECTORY of meshes, --samples"),
         (["/nowhere/at/all"], "directory: there is no folder /nowhere/at/all"),
         (["--samples", "--log-level", "loud"], "log_level: Input should be 'debug', 'info'"),
         (["--samples", "--bits", "99"], "bits: Input should be less than or equal to 20"),

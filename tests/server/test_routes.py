@@ -55,6 +55,11 @@ async def test_list_of_meshes(client: httpx.AsyncClient) -> None:
             "faces": 3196,
             "levels": 3,
             "bytes": len(WHOLE),
+            "box": {"minimum": [0.0, -1.0, 0.5], "maximum": [2.0, 1.0, 2.5]},
+            "tags": [],
+            "licence": None,
+            "created": None,
+            "updated": None,
         }
     ]
 

@@ -46,7 +46,7 @@ def test_values_outside_their_range_are_refused(name: str, value: object) -> Non
 
 
 def test_nothing_to_host_says_what_to_give() -> None:
-    with pytest.raises(ValidationError, match=r"give a DIRECTORY of meshes, or --samples"):
+    with pytest.raises(ValidationError, match=r"give a DIRECTORY of meshes, --samples"):
         Settings()
 
 
@@ -56,3 +56,19 @@ def test_directory_must_be_a_folder(tmp_path: Path) -> None:
     (tmp_path / "spot.obj").touch()
     with pytest.raises(ValidationError, match="is a file; give the folder that holds it"):
         Settings(directory=tmp_path / "spot.obj")
+
+
+def test_the_data_folder_holds_store_and_catalogue_unless_they_are_elsewhere(tmp_path: Path) -> None:
+    plain = Settings(data=tmp_path)
+    assert plain.keeps_meshes
+    assert (plain.store_url, plain.database_url) == (f"{tmp_path}/store", f"sqlite:///{tmp_path}/catalogue.db")
+    shared = Settings.model_validate({"store": "s3://meshes/a", "database": "postgresql://me:secret@host/meshes"})
+    assert (shared.store_url, shared.database_url) == ("s3://meshes/a", "postgresql://me:secret@host/meshes")
+    assert "secret" not in repr(shared)
+    assert not Settings(samples=True).keeps_meshes
+
+
+@pytest.mark.parametrize("given", [{"store": "s3://meshes"}, {"database": "sqlite:///a.db"}])
+def test_a_store_without_a_catalogue_is_refused(given: dict[str, str]) -> None:
+    with pytest.raises(ValidationError, match="store and database belong together"):
+        Settings.model_validate({"samples": True, **given})

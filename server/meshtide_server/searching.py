@@ -1,0 +1,109 @@
+"""Which of the hosted meshes a client asks for: those of the folder and those of the catalogue alike, page by page."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from meshtide_server.catalogue import Box
+from meshtide_server.hosted_mesh import HostedMesh, Status  # noqa: TC001 - dataclass fields
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What is asked for; what is left out does not matter.
+
+    Args:
+        text: words that all stand in a mesh's id, name or tags, in any case.
+        tags: that it has all of.
+        status: in which it is.
+        smallest: bytes of its stream, at least.
+        largest: bytes of its stream, at most.
+        fewest_vertices: at least.
+        most_vertices: at most.
+        box: that its own box touches.
+        after: only ids that come after this one.
+        limit: how many at most; None for all.
+    """
+
+    text: str = ""
+    tags: tuple[str, ...] = ()
+    status: Status | None = None
+    smallest: int | None = None
+    largest: int | None = None
+    fewest_vertices: int | None = None
+    most_vertices: int | None = None
+    box: Box | None = None
+    after: str = ""
+    limit: int | None = None
+
+    def page(self, meshes: Sequence[HostedMesh]) -> tuple[list[HostedMesh], bool]:
+        """The meshes that are asked for, and whether more of them follow.
+
+        Args:
+            meshes: in the order of their ids.
+        """
+        found = [mesh for mesh in meshes if mesh.id > self.after and self._wants(mesh)]
+        end = len(found) if self.limit is None else self.limit
+        return found[:end], end < len(found)
+
+    def _wants(self, mesh: HostedMesh) -> bool:
+        tags = mesh.record.tags if mesh.record else ()
+        words = "\n".join((mesh.id, mesh.source.name, *tags)).casefold()
+        return (
+            all(word in words for word in self.text.casefold().split())
+            and set(self.tags) <= set(tags)
+            and self.status in {None, mesh.status}
+            and _within(mesh.stream.size if mesh.stream else None, self.smallest, self.largest)
+            and _within(mesh.stream.header.vertices if mesh.stream else None, self.fewest_vertices, self.most_vertices)
+            and (self.box is None or _touch(box_of(mesh), self.box))
+        )
+
+
+def box_of(mesh: HostedMesh) -> Box | None:
+    """The box that holds a mesh: the catalogue's, else that of its quantization grid; None while there is no stream."""
+    if mesh.record is not None and mesh.record.box is not None:
+        return mesh.record.box
+    return grid_box(mesh.stream.header.origin, mesh.stream.header.extent) if mesh.stream else None
+
+
+def grid_box(origin: tuple[float, float, float], extent: float) -> Box:
+    """The box of a quantization grid.
+
+    >>> grid_box((0.0, 1.0, 2.0), 3.0)
+    Box(minimum=(0.0, 1.0, 2.0), maximum=(3.0, 4.0, 5.0))
+    """
+    x, y, z = origin
+    return Box((x, y, z), (x + extent, y + extent, z + extent))
+
+
+def parse_box(text: str) -> Box:
+    """A box from six numbers with commas between them: the smallest x, y, z, then the largest.
+
+    Raises:
+        ValueError: it is something else.
+
+    >>> parse_box("0,0,0,1,2,3").maximum
+    (1.0, 2.0, 3.0)
+    """
+    numbers = [float(part) for part in text.split(",")] if len(text) < 300 else []
+    if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
+        raise ValueError("a box is six numbers, the smallest x, y, z and the largest: 0,0,0,1,1,1")
+    x0, y0, z0, x1, y1, z1 = numbers
+    return Box((x0, y0, z0), (x1, y1, z1))
+
+
+def _within(value: int | None, least: int | None, most: int | None) -> bool:
+    if value is None:
+        return least is None and most is None
+    return (least is None or value >= least) and (most is None or value <= most)
+
+
+def _touch(box: Box | None, other: Box) -> bool:
+    return box is not None and all(
+        box.minimum[axis] <= other.maximum[axis] and box.maximum[axis] >= other.minimum[axis] for axis in range(3)
+    )

@@ -1,0 +1,116 @@
+"""A library that serves published meshes beside those of a folder, over real sockets, on several servers at once."""
+
+import asyncio
+import hashlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+
+from meshtide_server.catalogue import Catalogue
+from meshtide_server.publishing import Publication, publish
+from meshtide_server.settings import Settings
+from meshtide_server.store import open_store
+
+from .conftest import LiveServer, make_stream
+
+
+def settings(data: Path, **more: object) -> Settings:
+    return Settings.model_validate({"data": data, "catalogue_seconds": 0.05, "rescan_seconds": 0, **more})
+
+
+def published(where: Settings, data: bytes, mesh_id: str, *tags: str) -> None:
+    async def work() -> None:
+        catalogue = await Catalogue.open(where.database_url)
+        store = open_store(where.store_url)
+        await publish(store, catalogue, data, Publication(mesh_id, f"{mesh_id}.obj", tags, "CC BY 4.0"))
+        await catalogue.close()
+
+    asyncio.run(work())
+
+
+def removed(where: Settings, mesh_id: str) -> None:
+    async def work() -> None:
+        catalogue = await Catalogue.open(where.database_url)
+        await catalogue.delete(mesh_id)
+        await catalogue.close()
+
+    asyncio.run(work())
+
+
+def eventually(server: LiveServer, path: str, status: int) -> httpx.Response:
+    deadline = time.monotonic() + 10
+    while True:
+        answer = httpx.get(server.url + path)
+        if answer.status_code == status or time.monotonic() > deadline:
+            assert answer.status_code == status
+            return answer
+        time.sleep(0.02)
+
+
+def test_two_servers_show_what_comes_and_goes(tmp_path: Path, serve: Callable[[Settings], LiveServer]) -> None:
+    shared = settings(tmp_path / "data")
+    servers = [serve(shared), serve(shared)]
+    data = make_stream(7)
+    published(shared, data, "vase")
+    packet = hashlib.sha256(data[-5000:]).hexdigest()  # the last packet of make_stream
+    for server in servers:
+        assert eventually(server, "/meshes/vase.tide", 200).content == data
+        assert eventually(server, f"/packets/{packet}", 200).content == data[-5000:]
+        assert httpx.get(f"{server.url}/meshes/vase").json()["bytes"] == len(data)
+    removed(shared, "vase")
+    for server in servers:
+        eventually(server, "/meshes/vase", 404)
+        eventually(server, f"/packets/{packet}", 404)
+
+
+def test_a_restarted_server_shows_them_beside_its_folder(
+    tmp_path: Path, folder: Path, serve: Callable[[Settings], LiveServer]
+) -> None:
+    both = settings(tmp_path / "data", directory=folder)
+    published(both, make_stream(3), "vase", "clay")
+    published(both, make_stream(4), "small")  # the folder has one of that id, which wins
+    server = serve(both)
+    listed = httpx.get(f"{server.url}/meshes").json()
+    assert [mesh["id"] for mesh in listed] == ["small", "vase"]
+    assert httpx.get(f"{server.url}/meshes/small.tide").content == make_stream()
+    vase = listed[1]
+    assert (vase["tags"], vase["licence"], vase["status"]) == (["clay"], "CC BY 4.0", "ready")
+    assert vase["box"] == {"minimum": [0.0, -1.0, 0.5], "maximum": [2.0, 1.0, 2.5]}
+    assert vase["created"] is not None
+    assert (listed[0]["tags"], listed[0]["licence"], listed[0]["created"]) == ([], None, None)
+
+
+def test_meshes_are_searched_and_paged(tmp_path: Path, folder: Path, serve: Callable[[Settings], LiveServer]) -> None:
+    both = settings(tmp_path / "data", directory=folder)
+    for number in range(4):
+        published(both, make_stream(number), f"vase-{number}", "clay", "odd" if number % 2 else "even")
+    server = serve(both)
+
+    def ids(**query: object) -> list[str]:
+        answer = httpx.get(f"{server.url}/meshes", params=query)  # type: ignore[arg-type]
+        assert answer.status_code == 200
+        return [mesh["id"] for mesh in answer.json()]
+
+    assert ids(q="VASE") == ["vase-0", "vase-1", "vase-2", "vase-3"]
+    assert ids(q="obj 2") == ["vase-2"]
+    assert ids(tag=["clay", "odd"]) == ["vase-1", "vase-3"]
+    assert ids(status="failed") == []
+    assert ids(largest=10) == []
+    assert ids(fewest_vertices=1600) == ["small", "vase-0", "vase-1", "vase-2", "vase-3"]
+    assert ids(box="1.5,0,1,9,9,9", q="vase-1") == ["vase-1"]
+    assert ids(box="3,0,1,9,9,9") == []
+    answer = httpx.get(f"{server.url}/meshes", params={"limit": 2, "q": "s"})
+    assert [mesh["id"] for mesh in answer.json()] == ["small", "vase-0"]
+    assert answer.links["next"]["url"] == "/meshes?limit=2&q=s&after=vase-0"
+    rest = httpx.get(server.url + answer.links["next"]["url"].replace("limit=2", "limit=3"))
+    assert [mesh["id"] for mesh in rest.json()] == ["vase-1", "vase-2", "vase-3"]
+    assert "next" not in rest.links
+
+
+def test_foreign_questions_are_refused(folder: Path, serve: Callable[[Settings], LiveServer]) -> None:
+    server = serve(Settings(directory=folder, rescan_seconds=0))
+    for query in ("limit=0", "limit=x", "box=1,2,3", "box=a,b,c,d,e,f", "box=nan,0,0,1,1,1", "status=odd"):
+        answer = httpx.get(f"{server.url}/meshes?{query}")
+        assert 400 <= answer.status_code < 500, query

@@ -1,0 +1,56 @@
+from datetime import UTC, datetime
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from meshtide_server.catalogue import Box, MeshRecord
+from meshtide_server.hosted_mesh import HostedMesh, Source, Status
+from meshtide_server.searching import Search, box_of, parse_box
+
+MESHES = [
+    HostedMesh(
+        name,
+        Source(f"{name}.obj"),
+        record=MeshRecord(name, f"{name}.obj", tags, box=Box((0, 0, 0), (1, 1, 1)), created=datetime.now(UTC)),
+    )
+    for name, tags in (("amphora", ("clay",)), ("bust", ("clay", "marble")), ("column", ()))
+]
+
+
+def ids(**search: object) -> list[str]:
+    return [mesh.id for mesh in Search(**search).page(MESHES)[0]]  # type: ignore[arg-type]
+
+
+def test_words_and_tags() -> None:
+    assert ids() == ["amphora", "bust", "column"]
+    assert ids(text="CLAY") == ids(tags=("clay",)) == ["amphora", "bust"]
+    assert ids(text="BUST clay") == ["bust"]
+    assert ids(tags=("clay", "marble")) == ["bust"]
+
+
+def test_what_is_not_known_is_not_within_bounds() -> None:
+    assert ids(smallest=0) == ids(most_vertices=10) == []
+    assert ids(status=Status.ENCODING) == ["amphora", "bust", "column"]
+    assert box_of(HostedMesh("a", Source("a"))) is None
+
+
+def test_boxes_that_touch() -> None:
+    assert len(ids(box=Box((1, 1, 1), (2, 2, 2)))) == 3
+    assert ids(box=Box((1.1, 0, 0), (2, 1, 1))) == []
+
+
+@given(limit=st.integers(1, 5))
+def test_pages_are_all_there_is(limit: int) -> None:
+    seen: list[str] = []
+    more = True
+    while more:
+        page, more = Search(after=seen[-1] if seen else "", limit=limit).page(MESHES)
+        seen += [mesh.id for mesh in page]
+    assert seen == ids()
+
+
+@pytest.mark.parametrize("text", ["", "1", "1,2,3,4,5", "1,2,3,4,5,6,7", "a,b,c,d,e,f", "inf,0,0,1,1,1", "0," * 200])
+def test_foreign_boxes_are_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"six numbers|convert"):
+        parse_box(text)
