@@ -22,6 +22,9 @@ DOTS_PER_INCH = 110
 SMALLEST = 1e-9
 """Means below this, which are rounding errors of distances, are not drawn."""
 
+BELOW = 0.2
+"""The axis ends at this share of the least mean: intervals that reach zero have no end on a logarithmic axis."""
+
 _STYLES = [
     {"color": color, "linestyle": line, "marker": marker}
     for (line, marker), color in zip(
@@ -122,6 +125,8 @@ def _draw(axes: Any, lines: Mapping[str, Sequence[tuple[float, float, float]]]) 
             **_STYLES[place % len(_STYLES)],
         )
     axes.grid(visible=True, which="major", color="0.9")
+    lowest = min((mean for points in lines.values() for _, mean, _ in points), default=1.0)
+    axes.set_ylim(bottom=BELOW * lowest)
 
 
 def _legend(axes: Any, lines: Mapping[str, Any]) -> None:  # noqa: ANN401
