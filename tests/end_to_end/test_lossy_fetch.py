@@ -118,3 +118,21 @@ def test_bad_links_are_refused(url: str, meshtide: Any, options: list[str], mess
     assert done.returncode == ExitCode.USAGE
     assert message in done.stderr
     assert not Path(meshtide.folder / "classic.ply").exists()
+
+
+def test_a_hosted_mesh_is_simulated_as_its_file_is(
+    url: str, encoded_streams: dict[str, EncodedMesh], meshtide: Any
+) -> None:
+    (meshtide.folder / "sliced.tide").write_bytes(encoded_streams["sliced"].to_bytes())
+    answers = []
+    for place, folder in ((f"{url}/meshes/sliced", "hosted"), ("sliced.tide", "stored")):
+        arguments = ["--loss", "loss:rate=0.3", "--seeds", "3", "--processes", "1", "--no-plots", "-o", folder]
+        done = meshtide("simulate", place, *arguments, "--json")
+        assert done.returncode == ExitCode.OK, done.stderr
+        answers.append(json.loads(done.stdout))
+    hosted, stored = ((meshtide.folder / name / "runs.csv").read_bytes() for name in ("hosted", "stored"))
+    assert hosted == stored
+    assert answers[0]["summary"] == answers[1]["summary"]
+    live = meshtide_client.fetch(f"{url}/meshes/sliced", loss=LossyLink.parse("loss:rate=0.3", 0))
+    assert live.link_report is not None
+    assert f",{live.link_report.lost}," in hosted.decode().splitlines()[1]
