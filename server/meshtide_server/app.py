@@ -70,6 +70,8 @@ def create_app(settings: Settings) -> FastAPI:
         app.state.readiness.add("library", library.reason_to_wait)
         app.state.streams = Streams(library, settings, app.state.access, draining)
         await library.start()
+        if library.kept is not None:
+            app.state.readiness.add("catalogue", library.kept.reason_to_wait)
         try:
             yield
         finally:

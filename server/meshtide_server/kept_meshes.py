@@ -82,6 +82,15 @@ class KeptMeshes:
         self._updated = {mesh_id: when for mesh_id, when in self._updated.items() if mesh_id in meshes}
         await self._forget({record.stream for record in records})
 
+    async def reason_to_wait(self) -> str | None:
+        """Nothing, if the catalogue answers.
+
+        Raises:
+            DatabaseUnavailableError: it does not.
+        """
+        await self.catalogue.check()
+        return None
+
     async def close(self) -> None:
         """Let go of store and catalogue."""
         await self.store.close()

@@ -114,3 +114,9 @@ def test_foreign_questions_are_refused(folder: Path, serve: Callable[[Settings],
     for query in ("limit=0", "limit=x", "box=1,2,3", "box=a,b,c,d,e,f", "box=nan,0,0,1,1,1", "status=odd"):
         answer = httpx.get(f"{server.url}/meshes?{query}")
         assert 400 <= answer.status_code < 500, query
+
+
+def test_readiness_asks_the_catalogue(tmp_path: Path, serve: Callable[[Settings], LiveServer]) -> None:
+    answer = httpx.get(f"{serve(settings(tmp_path / 'data')).url}/readyz")
+    assert answer.status_code == 200
+    assert answer.json()["parts"]["catalogue"] == "ok"
