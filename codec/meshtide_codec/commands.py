@@ -39,7 +39,11 @@ def encode(
     ] = "compact",
     bits: Annotated[int, typer.Option("-B", "--bits", help="Quantization bits per coordinate, 4 to 20.")] = 12,
     previews: Annotated[
-        str | None, typer.Option(help="compact: ratios of the previews, such as 512,64; or none.", show_default=False)
+        str | None,
+        typer.Option(
+            help="compact: ratios of the previews, such as 512,64; or none; by default chosen by distance.",
+            show_default=False,
+        ),
     ] = None,
     slices: Annotated[int | None, typer.Option(help="compact: into how many parts the Diffs are cut.")] = None,
     drop_bits: Annotated[

@@ -1,9 +1,17 @@
 from __future__ import annotations
 
+import hashlib
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
 import pytest
 
 from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import OptionError
 from meshtide_codec.stream.container import read_container
@@ -49,3 +57,39 @@ def test_parameters_of_a_filter_take_four_bytes_each() -> None:
 def test_levels_that_there_are_not() -> None:
     with pytest.raises(OptionError, match="predicted levels"):
         encode(grid(5), ClassicOptions(sent_levels=frozenset({9})))
+
+
+ENCODE_ALL = (
+    "import sys, hashlib; sys.path.insert(0, sys.argv[1])\nfrom test_encoder import digests\nprint(*digests())\n"
+)
+
+
+def digests() -> list[str]:
+    """Of streams of both profiles, previews, slices and a plane of symmetry included."""
+    options = [CompactOptions(bits=10), CompactOptions(bits=12, slices=3), ClassicOptions(bits=10)]
+    return [hashlib.sha256(encode(grid(48), each).to_bytes()).hexdigest() for each in options]
+
+
+def test_encoding_is_the_same_again_and_in_threads_beside_each_other() -> None:
+    once = digests()
+    assert digests() == once
+    with ThreadPoolExecutor(4) as pool:
+        assert all(found == once for found in pool.map(lambda _: digests(), range(6)))
+
+
+def test_encoding_is_the_same_in_other_processes_with_other_threads_and_hashes() -> None:
+    tests = Path(__file__).parent
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", ENCODE_ALL, str(tests)],
+            env=os.environ
+            | {"PYTHONPATH": str(tests.parent), "PYTHONHASHSEED": seed}
+            | dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), threads),
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for seed, threads in (("1", "1"), ("2", "2"))
+    ]
+    found = [process.communicate()[0].split() for process in processes]
+    assert [process.returncode for process in processes] == [0, 0]
+    assert found[0] == found[1] == digests()

@@ -17,6 +17,7 @@ from meshtide_codec.compact.display_filter import choose_strength, drawn_positio
 from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.compact.octree import build_octree
 from meshtide_codec.compact.options import PROFILE, CompactHeader, CompactOptions
+from meshtide_codec.compact.preview_choice import choose_previews
 from meshtide_codec.compact.previewing import GridPreview, encode_preview
 from meshtide_codec.compact.previews import make_previews
 from meshtide_codec.compact.reliable_coding import NO_FACES, ReliableCoder
@@ -69,10 +70,9 @@ class CompactEncoding:
         self._octree = build_octree(quantized.positions, quantized.faces, quantized.bits)
         mirror = find_mirror(quantized.positions, quantized.bits) if options.mirror else None
         report("previews", 0.1)
-        previews = [
-            GridPreview(preview.bits, preview.positions, preview.faces)
-            for preview in make_previews(quantized.positions, quantized.faces, quantized.bits, options.previews)
-        ]
+        mesh = quantized.positions, quantized.faces, quantized.bits
+        made = choose_previews(*mesh) if options.previews is None else make_previews(*mesh, options.previews)
+        previews = [GridPreview(preview.bits, preview.positions, preview.faces) for preview in made]
         base_depth = self._base_depth(behind_preview=bool(previews))
         slices = self._slices(options.slices)
         report("Diffs", 0.3)

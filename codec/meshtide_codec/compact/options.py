@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.compact.mirror import Mirror
-from meshtide_codec.compact.previews import DEFAULT_RATIOS
 from meshtide_codec.compact.slices import Slices
 from meshtide_codec.errors import ContainerError, OptionError
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 PROFILE = "compact"
 MAXIMUM_SLICES = 4096
 MAXIMUM_PREVIEWS = 8
-DEFAULT_PREVIEWS = DEFAULT_RATIOS
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,8 @@ class CompactOptions:
     Args:
         bits: B, quantization bits per coordinate, 4 to 20.
         previews: simplified meshes that open the stream, as ratios of the mesh's vertices to theirs, coarsest first;
-            meshes too small for one go without it.
+            meshes too small for one go without it. None: those that show the mesh at 1e-2, 3e-3 and 1e-3 of its
+            diagonal, by measured distance.
         slices: into how many Morton ranges the Diffs are cut, each decodable without the others.
         mirror: whether to look for a plane of symmetry.
 
@@ -38,7 +37,7 @@ class CompactOptions:
     """
 
     bits: int = DEFAULT_B
-    previews: tuple[int, ...] = DEFAULT_PREVIEWS
+    previews: tuple[int, ...] | None = None
     slices: int = 1
     mirror: bool = True
 
@@ -47,6 +46,8 @@ class CompactOptions:
             raise OptionError(f"B must be {SMALLEST_B}..{LARGEST_B} bits per coordinate, not {self.bits}")
         if not 1 <= self.slices <= MAXIMUM_SLICES:
             raise OptionError(f"the Diffs can be cut into 1..{MAXIMUM_SLICES} slices, not {self.slices}")
+        if self.previews is None:
+            return
         if len(self.previews) > MAXIMUM_PREVIEWS or any(ratio < 2 for ratio in self.previews):
             raise OptionError(f"at most {MAXIMUM_PREVIEWS} previews, of ratios from 2 on, not {self.previews}")
         if any(coarse <= fine for coarse, fine in itertools.pairwise(self.previews)):

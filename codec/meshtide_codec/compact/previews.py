@@ -90,13 +90,13 @@ def make_previews(
     []
     """
     wanted = sorted(set(ratios))
-    triangles = _checked_faces(positions, faces, bits, wanted)
+    triangles = checked_faces(positions, faces, bits, wanted)
     targets = {ratio: len(positions) // ratio for ratio in wanted}
     targets = {ratio: target for ratio, target in targets.items() if target >= FEWEST_PREVIEW_VERTICES}
     if len(positions) < FEWEST_VERTICES or len(triangles) == 0 or not targets:
         return []
     original = TriangleTree(positions.astype(np.float64), triangles)
-    if original.visits_per_search(original.samples(1000, seed=0).points) > TANGLED:
+    if not can_be_searched(original):
         return []
     simplifier = Simplifier(positions, triangles, bits, max(targets.values()))
     previews: list[Preview] = []
@@ -104,13 +104,24 @@ def make_previews(
         vertices, coarse_faces = simplifier.reduced_to(target)
         if len(coarse_faces) == 0 or len(vertices) > LARGEST_EXCESS * target:
             break
-        preview = _fitted_preview(original, vertices, coarse_faces, bits, ratio)
+        preview = fitted_preview(original, vertices, coarse_faces, bits, ratio)
         if preview is not None:
             previews.append(preview)
     return previews[::-1]
 
 
-def _checked_faces(positions: Integers, faces: Integers, bits: int, ratios: list[int]) -> Integers:
+def can_be_searched(original: TriangleTree) -> bool:
+    """Whether searches on a surface take reasonable time: a tangle of large triangles has no previews."""
+    return original.visits_per_search(original.samples(1000, seed=0).points) <= TANGLED
+
+
+def checked_faces(positions: Integers, faces: Integers, bits: int, ratios: list[int]) -> Integers:
+    """The faces (m, 3) of three different corners.
+
+    Raises:
+        OptionError: one of the ascending `ratios` or `bits` is out of range.
+        MeshError: positions or faces are not those of a mesh on the grid.
+    """
     if not 1 <= bits <= LARGEST_B:
         raise OptionError(f"the grid's depth must be 1 to {LARGEST_B}, not {bits}")
     if ratios and ratios[0] < 2:
@@ -122,7 +133,7 @@ def _checked_faces(positions: Integers, faces: Integers, bits: int, ratios: list
     return proper
 
 
-def _fitted_preview(original: TriangleTree, vertices: Points, faces: Integers, bits: int, ratio: int) -> Preview | None:
+def fitted_preview(original: TriangleTree, vertices: Points, faces: Integers, bits: int, ratio: int) -> Preview | None:
     """The simplified mesh fitted and rounded, or None when an octree level of as many vertices shows no less."""
     refitter = Refitter(original, faces, len(vertices))
     fitted = refitter.fitted(vertices)

@@ -1,0 +1,75 @@
+"""The choice of previews: each is within its distance, none where none make sense, nothing sent twice."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshes import grid, soup
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.compact.preview_choice import DISTANCES, LARGE, LARGE_RATIO, TOO_SMALL_TO_WAIT, choose_previews
+from meshtide_codec.compact.previews import FEWEST_VERTICES, Preview
+from meshtide_codec.distortion import DistortionMeter
+from meshtide_codec.encoder import encode
+from meshtide_codec.errors import MeshError, OptionError
+from meshtide_codec.mesh import Mesh
+from meshtide_codec.quantize import QuantizedMesh, quantize
+from meshtide_codec.sphere import paper_sphere
+
+
+def bumpy_sphere() -> Mesh:
+    sphere = paper_sphere(5)
+    bumps = 1 + 0.1 * np.sin(sphere.vertices * 5).prod(axis=1)
+    return Mesh(sphere.vertices * bumps[:, None], sphere.faces)
+
+
+def chosen(quantized: QuantizedMesh) -> list[Preview]:
+    return choose_previews(quantized.positions, quantized.faces, quantized.bits)
+
+
+def test_every_distance_is_reached_by_few_vertices() -> None:
+    quantized = quantize(bumpy_sphere(), 12)
+    previews = chosen(quantized)
+    meter = DistortionMeter(quantized.positions.astype(float), quantized.faces)
+    reached = [meter.measure(preview.vertices(12), preview.faces).rms for preview in previews]
+    assert reached == sorted(reached, reverse=True)
+    assert reached[-1] <= DISTANCES[-1]
+    assert any(DISTANCES[-1] < distance <= DISTANCES[1] for distance in reached)
+    assert len(previews[-1].positions) < len(quantized.positions) / 10
+
+
+def test_a_preview_that_is_small_has_none_before_it() -> None:
+    previews = chosen(quantize(bumpy_sphere(), 12))
+    assert all(len(preview.positions) > TOO_SMALL_TO_WAIT for preview in previews[1:])
+
+
+def test_large_meshes_spend_little_on_previews() -> None:
+    rough = grid(150)
+    noise = np.random.default_rng(1).random(len(rough.vertices))
+    quantized = quantize(Mesh(rough.vertices + np.array([0, 0, 0.02]) * noise[:, None], rough.faces), 10)
+    assert len(quantized.positions) > LARGE
+    assert all(preview.ratio >= LARGE_RATIO for preview in chosen(quantized))
+
+
+def test_meshes_without_use_for_previews_have_none() -> None:
+    small = quantize(grid(44), 12)
+    assert len(small.positions) < FEWEST_VERTICES
+    assert chosen(small) == []
+    assert choose_previews(quantize(grid(60), 12).positions, np.zeros((0, 3), np.int32), 12) == []
+    assert chosen(quantize(soup(3000, 9000, seed=1), 12)) == []
+
+
+def test_streams_open_with_them_unless_ratios_are_given() -> None:
+    mesh = bumpy_sphere()
+    previews = chosen(quantize(mesh, 10))
+    bits = bytes(preview.bits for preview in previews)
+    assert encode(mesh, CompactOptions(bits=10)).header.options["p"] == bits
+    assert "p" not in encode(mesh, CompactOptions(bits=10, previews=())).header.options
+
+
+def test_what_is_no_mesh_on_a_grid_is_refused() -> None:
+    no_faces = np.zeros((0, 3), np.int32)
+    with pytest.raises(OptionError, match="depth must be"):
+        choose_previews(np.zeros((1, 3), np.int32), no_faces, 21)
+    with pytest.raises(MeshError, match="at least one vertex"):
+        choose_previews(np.zeros((0, 3), np.int32), no_faces, 12)
