@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from contextlib import suppress
 from typing import TYPE_CHECKING
+
+from meshtide_server.store.errors import MissingObjectError
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
+
+    from meshtide_server.catalogue import Catalogue
+    from meshtide_server.store.protocol import Store
 
     Check = Callable[[], Awaitable[str | None]]
 
@@ -16,6 +22,7 @@ logger = logging.getLogger("meshtide.server")
 CHECK_SECONDS = 2.0
 """A part that has not answered by then is not there."""
 OK = "ok"
+_NO_OBJECT = f"streams/{'0' * 64}.tide"
 
 
 class Readiness:
@@ -50,3 +57,16 @@ class Readiness:
         except Exception as error:  # noqa: BLE001 - whatever it is, the part cannot be used; the log has the details
             logger.warning("%s cannot be used: %s: %s", name, type(error).__name__, error)
             return f"it cannot be used ({type(error).__name__})"
+
+
+async def check_catalogue(catalogue: Catalogue) -> str | None:
+    """Whether the database answers; raises if not."""
+    await catalogue.check()
+    return None
+
+
+async def check_store(store: Store) -> str | None:
+    """Whether the store answers, be it that there is no such object; raises if not."""
+    with suppress(MissingObjectError):
+        await store.head(_NO_OBJECT)
+    return None

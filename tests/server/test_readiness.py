@@ -1,9 +1,16 @@
 import asyncio
+from collections.abc import Callable
+from pathlib import Path
 
+import httpx
 import pytest
 
 from meshtide_server import readiness
-from meshtide_server.readiness import Readiness
+from meshtide_server.readiness import Readiness, check_store
+from meshtide_server.settings import Settings
+from meshtide_server.store import open_store
+
+from .conftest import LiveServer
 
 
 async def fine() -> str | None:
@@ -42,3 +49,22 @@ async def test_a_server_that_drains_is_not_ready() -> None:
     parts.add("fine", fine)
     draining.set()
     assert (await parts.parts())["server"] == "it is shutting down"
+
+
+async def test_a_store_that_answers_can_be_used() -> None:
+    assert await check_store(open_store("memory:")) is None
+
+
+def test_catalogue_and_store_are_asked(
+    serve: Callable[[Settings], LiveServer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live = serve(Settings(data=tmp_path / "data"))
+    answer = httpx.get(f"{live.url}/readyz")
+    assert (answer.status_code, answer.json()["parts"]) == (200, dict.fromkeys(("library", "catalogue", "store"), "ok"))
+    monkeypatch.setattr(live.app.state.library.kept.catalogue, "check", broken)
+    monkeypatch.setattr(live.app.state.library.kept.store, "head", lambda _key: broken())
+    answer = httpx.get(f"{live.url}/readyz")
+    assert answer.status_code == 503
+    for part in ("catalogue", "store"):
+        assert answer.json()["parts"][part] == "it cannot be used (ConnectionRefusedError)"
+    assert "hunter2" not in answer.text
