@@ -16,7 +16,7 @@ from meshtide_server.limiting import Limiting
 from meshtide_server.observation import Observation
 from meshtide_server.prepared_answers import prepared_answers
 from meshtide_server.problems import EVERYWHERE, handle_problems
-from meshtide_server.readiness import Readiness, check_catalogue, check_store
+from meshtide_server.readiness import Readiness, check_store
 from meshtide_server.routes import STREAM_ROUTE, program_version, router
 from meshtide_server.routes_operations import router as operations_router
 from meshtide_server.routes_packets import router as packets_router
@@ -72,12 +72,8 @@ def create_app(settings: Settings) -> FastAPI:
         app.state.streams = Streams(library, settings, app.state.access, draining)
         await library.start()
         if library.kept is not None:
-<<<<<<< HEAD
             app.state.readiness.add("catalogue", library.kept.reason_to_wait)
-=======
-            app.state.readiness.add("catalogue", partial(check_catalogue, library.kept.catalogue))
             app.state.readiness.add("store", partial(check_store, library.kept.store))
->>>>>>> 1abae93 (Readiness: catalogue and store are asked too)
         try:
             yield
         finally:

@@ -12,7 +12,6 @@ from meshtide_server.store.errors import MissingObjectError
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
-    from meshtide_server.catalogue import Catalogue
     from meshtide_server.store.protocol import Store
 
     Check = Callable[[], Awaitable[str | None]]
@@ -57,12 +56,6 @@ class Readiness:
         except Exception as error:  # noqa: BLE001 - whatever it is, the part cannot be used; the log has the details
             logger.warning("%s cannot be used: %s: %s", name, type(error).__name__, error)
             return f"it cannot be used ({type(error).__name__})"
-
-
-async def check_catalogue(catalogue: Catalogue) -> str | None:
-    """Whether the database answers; raises if not."""
-    await catalogue.check()
-    return None
 
 
 async def check_store(store: Store) -> str | None:
