@@ -103,3 +103,6 @@ VARIANTS: dict[str, Callable[[], EncodedMesh]] = {
     "compact-twins-slices": _compact(twins, slices=3),
     **{f"compact-scattered-{seed}": _compact(partial(scattered, seed)) for seed in range(1, 6)},
 }
+
+GOLDEN_VARIANTS: dict[int, tuple[str, ...]] = {1: tuple(VARIANTS), 2: tuple(VARIANTS)}
+"""Which variants have a file of which format version; the older ones hold the program to reading those."""

@@ -1,4 +1,4 @@
-"""Write the golden streams of this format version.
+"""Write the golden streams of the newest format version.
 
 Usage: python tools/make_golden.py tests/golden
 
@@ -13,17 +13,20 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from golden_streams import VARIANTS
+from golden_streams import GOLDEN_VARIANTS, VARIANTS
+from meshtide_codec.stream.header import FORMAT_VERSION
 
 
 def main(folder: Path) -> None:
     """Write each variant that is not there yet."""
-    for name, make in VARIANTS.items():
-        path = folder / f"{name}.tide"
+    target = folder / f"version-{FORMAT_VERSION}"
+    target.mkdir(exist_ok=True)
+    for name in GOLDEN_VARIANTS[FORMAT_VERSION]:
+        path = target / f"{name}.tide"
         if path.exists():
             print(f"{path}: kept")
             continue
-        path.write_bytes(make().to_bytes())
+        path.write_bytes(VARIANTS[name]().to_bytes())
         print(f"{path}: {path.stat().st_size} bytes")
 
 

@@ -2,38 +2,47 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from golden_streams import VARIANTS
+from golden_streams import GOLDEN_VARIANTS, VARIANTS
 from meshtide_codec.decoder import Decoder, decode
 from meshtide_codec.errors import StreamError
-from meshtide_codec.stream.container import read_available, read_container
+from meshtide_codec.stream.container import read_available, read_container, write_container
 
 GOLDEN = Path(__file__).parent.parent / "golden"
+FILES = [(version, name) for version, names in GOLDEN_VARIANTS.items() for name in names]
 
 
-def test_every_golden_file_is_known_and_every_variant_has_one() -> None:
-    assert {path.stem for path in GOLDEN.glob("*.tide")} == set(VARIANTS)
+@pytest.mark.parametrize("version", GOLDEN_VARIANTS)
+def test_every_golden_file_is_known_and_every_variant_has_one(version: int) -> None:
+    assert {path.stem for path in (GOLDEN / f"version-{version}").glob("*.tide")} == set(GOLDEN_VARIANTS[version])
 
 
-@pytest.mark.parametrize("name", VARIANTS)
-def test_a_golden_stream_decodes_to_its_mesh(name: str) -> None:
+@pytest.mark.parametrize(("version", "name"), FILES)
+def test_a_golden_stream_decodes_to_its_mesh(version: int, name: str) -> None:
     expected = VARIANTS[name]().quantized.mesh()
-    decoded = decode((GOLDEN / f"{name}.tide").read_bytes())
+    decoded = decode(golden(version, name))
     assert np.array_equal(decoded.vertices, expected.vertices)
     assert np.array_equal(decoded.faces, expected.faces)
 
 
-@pytest.mark.parametrize("name", VARIANTS)
-def test_the_encoder_writes_the_golden_bytes_again(name: str) -> None:
-    assert VARIANTS[name]().to_bytes() == (GOLDEN / f"{name}.tide").read_bytes()
+@pytest.mark.parametrize(("version", "name"), FILES)
+def test_the_encoder_writes_the_golden_bytes_again(version: int, name: str) -> None:
+    encoded = VARIANTS[name]()
+    header = replace(encoded.header, version=version)
+    assert write_container(header, encoded.packet_bytes) == golden(version, name)
+
+
+def golden(version: int, name: str) -> bytes:
+    return (GOLDEN / f"version-{version}" / f"{name}.tide").read_bytes()
 
 
 def test_a_golden_stream_cut_at_every_byte_still_shows_its_whole_levels() -> None:
-    data = (GOLDEN / "classic-bowl-power.tide").read_bytes()
+    data = golden(2, "classic-bowl-power")
     header, _ = read_container(data)
     start = len(data) - int(header.packet_offsets[-1])
     for length in range(start, len(data)):
@@ -48,7 +57,7 @@ def test_a_golden_stream_cut_at_every_byte_still_shows_its_whole_levels() -> Non
 
 
 def test_every_flipped_bit_of_a_golden_stream_is_noticed() -> None:
-    data = (GOLDEN / "classic-tangle-power.tide").read_bytes()
+    data = golden(2, "classic-tangle-power")
     for bit in range(8 * len(data)):
         damaged = bytearray(data)
         damaged[bit // 8] ^= 1 << (bit % 8)

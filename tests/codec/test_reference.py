@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from dataclasses import replace
 
 import msgpack
 import numpy as np
@@ -20,6 +21,7 @@ from meshtide_codec.errors import ContainerError, PacketError, StreamError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.reference import reference_decode, reference_permutation
 from meshtide_codec.stream.container import read_container
+from meshtide_codec.stream.header import version_of
 
 
 def assert_same_levels(data: bytes) -> None:
@@ -99,7 +101,7 @@ def _changed(data: bytes, key: int, value: object) -> bytes:
 def _beginning(header: dict[int, object]) -> bytes:
     """Preamble and header."""
     packed = msgpack.packb(header)
-    return struct.pack("<8sHII", b"\x89TIDE\r\n\x1a", 1, len(packed), zlib.crc32(packed)) + packed
+    return struct.pack("<8sHII", b"\x89TIDE\r\n\x1a", version_of(packed), len(packed), zlib.crc32(packed)) + packed
 
 
 def test_an_unknown_profile_is_refused() -> None:
@@ -109,7 +111,7 @@ def test_an_unknown_profile_is_refused() -> None:
 
 def test_a_payload_that_goes_on_is_refused() -> None:
     encoded = encode(tetrahedron(), CompactOptions(bits=4))
-    header = msgpack.unpackb(encoded.header.to_bytes(), strict_map_key=False)
+    header = msgpack.unpackb(replace(encoded.header, version=1).to_bytes(), strict_map_key=False)
     payloads = list(encoded.packet_bytes)
     payloads[0] += bytes(5)
     header[6][3] += 5

@@ -9,21 +9,26 @@ from hypothesis import strategies as st
 
 from meshtide_codec.errors import ContainerError, LimitError, StreamError, VersionError
 from meshtide_codec.limits import Limits
-from meshtide_codec.stream.header import FORMAT_VERSION, Field, StreamHeader, check_version, stored_distance
+from meshtide_codec.stream.header import FORMAT_VERSION, Field, StreamHeader, check_version, stored_distance, version_of
 from streams import MadeUpStream, encoded_grid
 
 HEADER = MadeUpStream().header
+SPELT_OUT = replace(HEADER, version=1)
 
 
-def changed(field: Field, value: object) -> bytes:
-    fields = msgpack.unpackb(HEADER.to_bytes(), strict_map_key=False)
+def changed(field: Field, value: object, header: StreamHeader = SPELT_OUT) -> bytes:
+    fields = msgpack.unpackb(header.to_bytes(), strict_map_key=False)
     fields[int(field)] = value
     return msgpack.packb(fields)
 
 
 def test_round_trip() -> None:
-    for header in (HEADER, encoded_grid().header):
-        assert StreamHeader.from_bytes(header.to_bytes()) == header
+    for header in (HEADER, SPELT_OUT, encoded_grid().header):
+        data = header.to_bytes()
+        assert StreamHeader.from_bytes(data) == header
+        assert version_of(data) == header.version
+    assert (HEADER.version, SPELT_OUT.version) == (2, 1)
+    assert len(HEADER.to_bytes()) < len(SPELT_OUT.to_bytes())
 
 
 def test_counts_and_offsets() -> None:
@@ -73,8 +78,31 @@ def test_wrong_fields_are_refused(field: Field, value: object) -> None:
         StreamHeader.from_bytes(changed(field, value))
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        (Field.LEVELS, [0, 4, 20, 20]),
+        (Field.LEVELS, b""),
+        (Field.LEVELS, b"\x08"),
+        (Field.LEVELS, b"\x12\x02\x02\0\0\0\0"),  # more packets than there are
+        (Field.LEVELS, b"\x02\x02\x02\0\0\0\0"),  # does not end with level 0
+        (Field.LEVELS, b"\x08\x01\x02\0\0\0\0"),  # a vertex less than none
+        (Field.LEVELS, b"\x08\x02\x05\0\0\0\0"),  # a face less than none
+        (Field.LEVELS, b"\x08\x02\x02\xff\xff\0\0"),  # a distance that is no number
+        (Field.PACKETS, [0, 0, 0, 1]),
+        (Field.PACKETS, b""),
+        (Field.PACKETS, b"\x10\x01"),  # finer than level 0
+        (Field.PACKETS, b"\x06\x01"),  # no such kind
+        (Field.CHECKSUMS, b"123"),
+    ],
+)
+def test_wrong_packed_fields_are_refused(field: Field, value: object) -> None:
+    with pytest.raises(ContainerError, match="damaged stream header"):
+        StreamHeader.from_bytes(changed(field, value, HEADER))
+
+
 def test_missing_and_unknown_fields_are_refused() -> None:
-    fields = msgpack.unpackb(HEADER.to_bytes(), strict_map_key=False)
+    fields = msgpack.unpackb(SPELT_OUT.to_bytes(), strict_map_key=False)
     with pytest.raises(ContainerError, match="fields"):
         StreamHeader.from_bytes(msgpack.packb(fields | {77: 0}))
     del fields[0]
@@ -105,16 +133,18 @@ def test_a_claim_of_a_million_million_vertices_is_refused_at_once() -> None:
         StreamHeader.from_bytes(replace(HEADER, levels=tuple(levels)).to_bytes())
 
 
-def test_only_one_version_is_read() -> None:
-    check_version(FORMAT_VERSION)
-    with pytest.raises(VersionError, match="version 2"):
-        check_version(FORMAT_VERSION + 1)
+def test_newer_versions_are_not_read() -> None:
+    for version in range(1, FORMAT_VERSION + 1):
+        check_version(version)
+    for version in (0, FORMAT_VERSION + 1):
+        with pytest.raises(VersionError, match=f"version {version}; this program reads versions 1 to {FORMAT_VERSION}"):
+            check_version(version)
 
 
 @given(st.data())
 @settings(max_examples=200)
 def test_mutated_headers_raise_stream_errors_only(data: st.DataObject) -> None:
-    original = encoded_grid().header.to_bytes()
+    original = replace(encoded_grid().header, version=data.draw(st.integers(1, FORMAT_VERSION))).to_bytes()
     mutated = bytearray(original)
     for _ in range(data.draw(st.integers(1, 4))):
         mutated[data.draw(st.integers(0, len(mutated) - 1))] = data.draw(st.integers(0, 255))

@@ -68,13 +68,17 @@ def read_stream(data: bytes) -> Stream:
         raise ContainerError("the file ends inside its preamble", offset=0)
     magic, version, length, checksum = PREAMBLE.unpack_from(data)
     header_bytes = data[PREAMBLE.size : PREAMBLE.size + length]
-    if magic != MAGIC or version != 1 or zlib.crc32(header_bytes) != checksum:
-        raise ContainerError("not a stream of format version 1, or damaged", offset=0)
+    if magic != MAGIC or version not in {1, 2} or zlib.crc32(header_bytes) != checksum:
+        raise ContainerError("not a stream of format version 1 or 2, or damaged", offset=0)
     header = msgpack.unpackb(header_bytes, strict_map_key=False)
+    rows = _rows_of_four(header[6]) if version == 1 else read_packet_rows(header[6])
+    states = (
+        _rows_of_four(header[5]) if version == 1 else read_state_rows(header[5], [level for _, level, _, _ in rows])
+    )
     position = PREAMBLE.size + length
     payloads: dict[Key, bytes] = {}
     checksums = struct.unpack(f"<{len(header[7]) // 4}I", header[7])
-    for index, (kind, level, part, size) in enumerate(_rows_of_four(header[6])):
+    for index, (kind, level, part, size) in enumerate(rows):
         payload = data[position : position + size]
         if len(payload) != size or zlib.crc32(payload) != checksums[index] or (kind, level, part) in payloads:
             raise PacketError(f"packet {index} is damaged", level=level, offset=position)
@@ -88,13 +92,65 @@ def read_stream(data: bytes) -> Stream:
         bits=header[2],
         origin=header[3],
         extent=header[4],
-        states=[State(*row) for row in _rows_of_four(header[5])],
+        states=[State(*row) for row in states],
         payloads=payloads,
     )
 
 
 def _rows_of_four(numbers: list[int]) -> list[tuple[int, int, int, int]]:
     return list(zip(numbers[0::4], numbers[1::4], numbers[2::4], numbers[3::4], strict=True))
+
+
+def read_packet_rows(table: bytes) -> list[tuple[int, int, int, int]]:
+    """Kind, level, slice and length of each packet, from version 2 on (section 2.1).
+
+    Raises:
+        ContainerError, PacketError: the table is damaged.
+
+    >>> read_packet_rows(bytes.fromhex("180200ac0211090307"))
+    [(0, 2, 0, 300), (1, 1, 0, 9), (3, 1, 0, 7)]
+    """
+    rows: list[tuple[int, int, int, int]] = []
+    level = part = position = 0
+    while position < len(table):
+        head, position = read_number(table, position)
+        if head < 8:  # the same level, slice 0
+            part = 0
+        elif head < 16:  # the next slice
+            part += 1
+        elif head < 24:  # the next finer level
+            level, part = level - 1, 0
+        elif head < 32:
+            level, position = read_number(table, position)
+            part, position = read_number(table, position)
+        else:
+            raise ContainerError(f"a packet's row begins with {head}", offset=position)
+        length, position = read_number(table, position)
+        rows.append((head % 8, level, part, length))
+    return rows
+
+
+def read_state_rows(table: bytes, packet_levels: list[int]) -> list[tuple[int, int, int, int]]:
+    """Level, packet count, vertices and faces of each state, from version 2 on (section 2.1).
+
+    Raises:
+        PacketError: the table is damaged.
+    """
+    rows = []
+    count = vertices = surplus = position = 0
+    while position < len(table):
+        head, position = read_number(table, position)
+        count += head // 2
+        level = packet_levels[count - 1]
+        if head % 2 == 1:
+            level, position = read_number(table, position)
+        added, position = read_number(table, position)
+        more, position = read_number(table, position)
+        vertices += -(added + 1) // 2 if added % 2 == 1 else added // 2
+        surplus += -(more + 1) // 2 if more % 2 == 1 else more // 2
+        rows.append((level, count, vertices, 2 * vertices + surplus))
+        position += 4  # the distances decode nothing
+    return rows
 
 
 def read_number(payload: bytes, position: int) -> tuple[int, int]:

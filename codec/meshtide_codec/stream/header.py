@@ -19,7 +19,7 @@ import numpy as np
 from meshtide_codec.errors import ContainerError, LimitError, VersionError
 from meshtide_codec.limits import Limits
 from meshtide_codec.quantize import LARGEST_B, SMALLEST_B
-from meshtide_codec.stream import plain_values
+from meshtide_codec.stream import plain_values, tables
 from meshtide_codec.stream.packets import LARGEST_LEVEL, LARGEST_SLICE, Packet, PacketKind
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""What this program writes; it reads version 1 too."""
 LONGEST_NAME = 32
 CHECKSUM_BYTES = 4
 DISTANCE_BYTES = 4
@@ -45,6 +46,13 @@ class Field(IntEnum):
     PACKETS = 6
     CHECKSUMS = 7
     DISTANCES = 8
+    """Version 1 only."""
+
+
+_FIELDS = {
+    1: frozenset(int(field) for field in Field),
+    2: frozenset(int(field) for field in Field if field != Field.DISTANCES),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +113,7 @@ class StreamHeader:
         extent: length of the grid's side.
         levels: the states that can be shown, in the order in which they become complete.
         packets: the packets, in transmission order.
+        version: of the format that it is written in.
     """
 
     profile: str
@@ -114,6 +123,7 @@ class StreamHeader:
     extent: float
     levels: tuple[LevelEntry, ...]
     packets: tuple[PacketEntry, ...]
+    version: int = FORMAT_VERSION
 
     @property
     def vertices(self) -> int:
@@ -161,25 +171,27 @@ class StreamHeader:
 
     def to_bytes(self) -> bytes:
         """The header as it is sent and stored."""
-        return plain_values.pack(
-            {
-                int(Field.PROFILE): self.profile,
-                int(Field.OPTIONS): dict(self.options),
-                int(Field.BITS): self.bits,
-                int(Field.ORIGIN): list(self.origin),
-                int(Field.EXTENT): self.extent,
-                int(Field.LEVELS): [
-                    number for row in self.levels for number in (row.level, row.packet_count, row.vertices, row.faces)
-                ],
-                int(Field.PACKETS): [
-                    number for row in self.packets for number in (row.kind, row.level, row.slice, row.length)
-                ],
-                int(Field.CHECKSUMS): b"".join(struct.pack("<I", row.checksum) for row in self.packets),
-                int(Field.DISTANCES): b"".join(
-                    _pack_distance(distance) for row in self.levels for distance in (row.rms, row.maximum)
-                ),
-            }
-        )
+        states = [(row.level, row.packet_count, row.vertices, row.faces) for row in self.levels]
+        packets = [(int(row.kind), row.level, row.slice, row.length) for row in self.packets]
+        distances = [_pack_distance(row.rms) + _pack_distance(row.maximum) for row in self.levels]
+        fields: dict[int, Any] = {
+            int(Field.PROFILE): self.profile,
+            int(Field.OPTIONS): dict(self.options),
+            int(Field.BITS): self.bits,
+            int(Field.ORIGIN): list(self.origin),
+            int(Field.EXTENT): self.extent,
+        }
+        checksums = b"".join(struct.pack("<I", row.checksum) for row in self.packets)
+        if self.version == 1:
+            fields[int(Field.LEVELS)] = [number for state in states for number in state]
+            fields[int(Field.PACKETS)] = [number for packet in packets for number in packet]
+            fields[int(Field.CHECKSUMS)] = checksums
+            fields[int(Field.DISTANCES)] = b"".join(distances)
+        else:
+            fields[int(Field.LEVELS)] = tables.pack_states(states, distances, [row.level for row in self.packets])
+            fields[int(Field.PACKETS)] = tables.pack_packets(packets)
+            fields[int(Field.CHECKSUMS)] = checksums
+        return plain_values.pack(fields)
 
     @classmethod
     def from_bytes(cls, data: bytes | memoryview, limits: Limits | None = None) -> StreamHeader:
@@ -199,31 +211,47 @@ class StreamHeader:
 
     @classmethod
     def _from_value(cls, value: object, limits: Limits) -> StreamHeader:
-        if not isinstance(value, dict) or set(value) != {int(field) for field in Field}:
+        if not isinstance(value, dict) or set(value) not in _FIELDS.values():
             raise plain_values.BadValueError("its fields are not those of a meshtide stream header")
+        version = next(version for version, fields in _FIELDS.items() if fields == set(value))
         options = value[Field.OPTIONS]
         if not isinstance(options, dict) or not all(isinstance(key, str) for key in options):
             raise plain_values.BadValueError("options must be a map with string keys")
         origin = plain_values.array(value[Field.ORIGIN], "origin", 3)
-        packets = _read_packets(value[Field.PACKETS], value[Field.CHECKSUMS], limits)
+        packet_numbers, state_numbers, distances = value[Field.PACKETS], value[Field.LEVELS], value.get(Field.DISTANCES)
+        if version > 1:
+            packed = plain_values.binary(packet_numbers, "packet table", limits.header_bytes)
+            packet_numbers = tables.unpack_packets(packed)
+        packets = _read_packets(packet_numbers, value[Field.CHECKSUMS], limits)
+        if version > 1:
+            packed = plain_values.binary(state_numbers, "level table", limits.header_bytes)
+            places = [row.level for row in packets]
+            state_numbers, distances = tables.unpack_states(packed, places, DISTANCE_BYTES)
         return cls(
             profile=plain_values.text(value[Field.PROFILE], "profile", LONGEST_NAME),
             options=options,
             bits=plain_values.integer(value[Field.BITS], "bits per coordinate", SMALLEST_B, LARGEST_B),
             origin=tuple(plain_values.number(coordinate, "origin") for coordinate in origin),  # type: ignore[arg-type]
             extent=plain_values.number(value[Field.EXTENT], "extent", 0.0),
-            levels=_read_levels(value[Field.LEVELS], value[Field.DISTANCES], len(packets), limits),
+            levels=_read_levels(state_numbers, distances, len(packets), limits),
             packets=packets,
+            version=version,
         )
 
 
 def check_version(version: int) -> None:
     """Raise VersionError unless this program reads streams of `version`."""
-    if version != FORMAT_VERSION:
+    if version not in _FIELDS:
         raise VersionError(
-            f"the stream is of format version {version}; this program reads version {FORMAT_VERSION}; "
+            f"the stream is of format version {version}; this program reads versions 1 to {FORMAT_VERSION}; "
             "a newer meshtide may read it"
         )
+
+
+def version_of(header_bytes: bytes) -> int:
+    """The format version of a header, by how many fields it has; the newest one for bytes that are none."""
+    fields = header_bytes[0] & 0x0F if header_bytes else 0
+    return next((version for version, keys in _FIELDS.items() if len(keys) == fields), FORMAT_VERSION)
 
 
 def _read_levels(value: object, distances: object, packet_count: int, limits: Limits) -> tuple[LevelEntry, ...]:
