@@ -1,4 +1,4 @@
-"""The client's part of the command `meshtide`: fetch, meshes, export, demo; other commands have folders of their own.
+"""The client's part of the command `meshtide`: fetch, meshes, ingest, export, demo; others have folders of their own.
 
 Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
 """
@@ -29,6 +29,7 @@ def register(app: typer.Typer) -> None:
     """Add the client's commands to `app`."""
     app.command()(fetch)
     app.command()(meshes)
+    app.command()(ingest)
     app.command()(export)
     app.command()(demo)
     register_rendering(app)
@@ -141,6 +142,67 @@ def meshes(
     from meshtide_codec.command_line import wide_console
 
     wide_console().print(listing_table(hosted) if hosted else "the server hosts no meshes")
+
+
+def ingest(
+    paths: Annotated[list[Path], typer.Argument(help="Mesh files, .tide files, and folders of them.")],
+    server: Annotated[str, typer.Option(help="Address of the server: http://host:port.")],
+    bits: Annotated[
+        int | None, typer.Option("-B", "--bits", help="Bits per coordinate; default: the server's.")
+    ] = None,
+    profile: Annotated[str | None, typer.Option(help="compact or classic; default: the server's.")] = None,
+    tag: Annotated[list[str] | None, typer.Option(help="To find them by; may be repeated.")] = None,
+    licence: Annotated[str, typer.Option(help="The text of their terms.")] = "",
+    replace: Annotated[bool, typer.Option("--replace", help="Upload again what the server has by its name.")] = False,
+    parallel: Annotated[int, typer.Option(min=1, max=64, help="Uploads at a time.")] = 4,
+    timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Upload meshes to a server, which encodes them.
+
+    What the server has already under the same file name is left alone, so an interrupted upload of many files goes on
+    when the command is repeated. Writing takes a token. Exit code 1 if any file failed.
+
+    Example: MESHTIDE_TOKEN=... meshtide ingest scans/ --server http://localhost:8000
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from meshtide_client.credentials import find_token
+    from meshtide_client.ingest import Ingested, mesh_files
+    from meshtide_client.ingest import ingest as ingest_files
+    from meshtide_codec.command_line import ExitCode
+
+    files = mesh_files(paths)
+    given = {"bits": bits, "profile": profile, "tag": tag, "licence": licence or None}
+    columns = (TextColumn("upload and encode"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("files", total=len(files))
+
+        def tell(result: Ingested) -> None:
+            bar.advance(task)
+            if result.state == "failed" and not as_json:
+                bar.console.print(f"{result.file}: {result.error}", style="red", markup=False)
+
+        results = ingest_files(
+            files,
+            server,
+            token=find_token(token_file) if token_file else None,
+            parallel=parallel,
+            timeout=timeout,
+            replace=replace,
+            options={name: value for name, value in given.items() if value is not None},
+            progress=tell,
+        )
+    counts = {state: sum(result.state == state for result in results) for state in ("done", "kept", "failed")}
+    if as_json:
+        rows = [{"file": str(row.file), "mesh": row.mesh, "state": row.state, "error": row.error} for row in results]
+        _print_json({"server": server, **counts, "files": rows})
+    else:
+        typer.echo(f"{counts['done']} uploaded, {counts['kept']} there before, {counts['failed']} failed")
+    if counts["failed"]:
+        raise typer.Exit(ExitCode.FAILURE)
 
 
 def export(

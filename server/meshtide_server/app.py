@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
 from meshtide_server.access import Access
+from meshtide_server.job_runner import JobRunner
 from meshtide_server.library import Library
 from meshtide_server.limiting import Limiting
 from meshtide_server.observation import Observation
@@ -18,6 +19,7 @@ from meshtide_server.prepared_answers import prepared_answers
 from meshtide_server.problems import EVERYWHERE, handle_problems
 from meshtide_server.readiness import Readiness, check_store
 from meshtide_server.routes import STREAM_ROUTE, program_version, router
+from meshtide_server.routes_ingest import router as ingest_router
 from meshtide_server.routes_operations import router as operations_router
 from meshtide_server.routes_packets import router as packets_router
 from meshtide_server.routes_tickets import router as tickets_router
@@ -74,10 +76,16 @@ def create_app(settings: Settings) -> FastAPI:
         if library.kept is not None:
             app.state.readiness.add("catalogue", library.kept.reason_to_wait)
             app.state.readiness.add("store", partial(check_store, library.kept.store))
+        runner = JobRunner(library.kept, settings, draining) if library.kept is not None else None
+        app.state.jobs = runner
+        if runner is not None:
+            runner.start()
         try:
             yield
         finally:
             await app.state.streams.close()
+            if runner is not None:
+                await runner.stop()
             await library.stop()
 
     app = FastAPI(
@@ -95,6 +103,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(router)
     app.include_router(packets_router)
     app.include_router(tickets_router)
+    app.include_router(ingest_router)
     app.include_router(operations_router)
     app.add_middleware(Limiting, settings=settings)
     if settings.allowed_origins:

@@ -31,7 +31,16 @@ END_SECONDS = 1.0
 
 
 class EncodingFailedError(MeshError):
-    """A mesh could not be encoded; the message says why."""
+    """A mesh could not be encoded; the message says why.
+
+    Args:
+        message: why.
+        by_process: whether the process died of it, so that another attempt may go better.
+    """
+
+    def __init__(self, message: str, *, by_process: bool = False) -> None:
+        super().__init__(message)
+        self.by_process = by_process
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +90,14 @@ class Encoded:
 
 
 class EncoderProcess:
-    """Encodes meshes in a process of its own, one at a time."""
+    """Encodes meshes in a process of its own, one at a time.
 
-    def __init__(self) -> None:
+    Args:
+        memory: bytes of data that the process may have at most; 0: as much as there is.
+    """
+
+    def __init__(self, memory: int = 0) -> None:
+        self._memory = memory
         self._process: Process | None = None
 
     @property
@@ -116,7 +130,8 @@ class EncoderProcess:
             with suppress(TimeoutError):
                 await asyncio.wait_for(process.wait(), END_SECONDS)
             await self.close()
-            raise EncodingFailedError(f"the encoder's process ended early, {_how_it_ended(process)}") from error
+            message = f"the encoder's process ended early, {_how_it_ended(process)}"
+            raise EncodingFailedError(message, by_process=True) from error
         except asyncio.CancelledError:
             await self.close()
             raise
@@ -141,6 +156,7 @@ class EncoderProcess:
                 sys.executable,
                 "-m",
                 "meshtide_server.encoding",
+                str(self._memory),
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
                 start_new_session=True,  # Ctrl-C in a terminal is for the server, which then ends this process

@@ -2,7 +2,8 @@
 
 It is a process of its own because encoding keeps a processor busy for seconds and compiles kernels, while the server
 has to answer; because it can be ended at any time; and because a mesh that brings it down brings nothing else down.
-Run by `encoder_process` as `python -m meshtide_server.encoding`. Both directions are lines of JSON; the line of a
+Run by `encoder_process` as `python -m meshtide_server.encoding BYTES`, BYTES of data being all that it may have, 0 for
+no limit. Both directions are lines of JSON; the line of a
 stream that could be stored nowhere is followed by its bytes.
 """
 
@@ -52,12 +53,21 @@ def main() -> None:
     os.dup2(2, 1)  # whatever a library prints must not end up among the reports
     if hasattr(os, "nice"):
         os.nice(NICENESS)
+    _limit_memory(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
     reporter = Reporter(output)
     try:
         for line in sys.stdin.buffer:
             _work(json.loads(line), reporter)
     except BrokenPipeError:
         os._exit(1)  # the server is gone; nobody is left to tell
+
+
+def _limit_memory(size: int) -> None:
+    """Have allocations fail beyond `size` bytes of data, so that a hostile file cannot take the machine's memory."""
+    if size and sys.platform != "win32":
+        import resource  # noqa: PLC0415 - not on every platform
+
+        resource.setrlimit(resource.RLIMIT_DATA, (size, size))
 
 
 def _work(job: dict[str, Any], reporter: Reporter) -> None:

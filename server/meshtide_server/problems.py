@@ -67,7 +67,7 @@ def handle_problems(app: FastAPI) -> None:
         status = HTTPStatus(error.status_code)
         message = {
             HTTPStatus.NOT_FOUND: "there is nothing at this address; GET / tells where everything is",
-            HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not for this address; meshes can only be read",
+            HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not for this address; /docs tells what is",
         }.get(status, str(error.detail))
         return problem_response(status, _CODES.get(status, "http-error"), message, dict(error.headers or {}))
 

@@ -122,6 +122,15 @@ class Settings(BaseSettings):
         default=(), description="Networks of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed."
     )
 
+    max_upload: int = Field(default=1 << 30, ge=1, description="Bytes of an uploaded file at most.")
+    job_seconds: float = Field(default=3600.0, gt=0.0, description="Seconds that encoding an upload may take.")
+    job_lost_seconds: float = Field(
+        default=20.0, ge=1.0, description="Seconds after which a job is tried again whose server is not heard of."
+    )
+    job_memory: int = Field(
+        default=8 << 30, ge=0, description="Bytes of data that encoding an upload may have in memory; 0: no limit."
+    )
+
     hello_timeout: float = Field(default=10.0, gt=0.0, description="Seconds a client has to ask for something.")
     stall_timeout: float = Field(
         default=300.0, gt=0.0, description="Seconds a stream may stand still, for want of credit or of a reader."

@@ -163,3 +163,14 @@ async def test_claimers_of_several_processes_share_the_jobs(catalogue: Catalogue
     taken = [job for share in shares for job in share]
     assert len(taken) == len(expected)
     assert set(taken) == expected
+
+
+async def test_a_job_that_is_handed_back_has_lost_no_attempt(catalogue: Catalogue) -> None:
+    job = await queued(catalogue)
+    for _ in range(3):
+        assert (await catalogue.jobs.claim("me")) is not None
+        assert not await catalogue.jobs.hand_back(job.id, "you")
+        assert await catalogue.jobs.hand_back(job.id, "me")
+        again = await catalogue.jobs.get(job.id)
+        assert (again.state, again.owner, again.attempts) == (JobState.QUEUED, None, 0)
+    assert not await catalogue.jobs.hand_back(job.id, "me")

@@ -152,6 +152,23 @@ class Jobs:
             row = (await connection.execute(select(job_table).where(mine).with_for_update())).mappings().first()
             return await _end_attempt(connection, _job(row), error, retry=retry) if row is not None else None
 
+    async def hand_back(self, job_id: str, owner: str) -> bool:
+        """Queue a job again whose owner ends; the attempt does not count.
+
+        Returns:
+            Whether it was the owner's; if not, nothing was noted.
+        """
+        values = {
+            "state": JobState.QUEUED.value,
+            "attempts": job_table.c.attempts - 1,
+            "owner": None,
+            "heartbeat": None,
+            "stage": "waiting",
+            "progress": 0.0,
+        }
+        async with self._database.writing() as connection:
+            return await _update_owned(connection, job_id, owner, values)
+
     async def release_lost(self, older_than: timedelta) -> Sequence[Job]:
         """Take jobs from owners that were not heard of for so long; they are queued again, or have failed.
 

@@ -1,0 +1,300 @@
+"""The routes that change what is hosted: uploads, deletions, and the jobs that encode what was uploaded.
+
+An upload is acknowledged once the file is in the store and its job in the catalogue: whatever happens to the server
+after that, the mesh is encoded.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from http import HTTPStatus
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Annotated, Any
+
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from meshtide_codec.quantize import LARGEST_B, SMALLEST_B
+from meshtide_server.access import require_read, require_write
+from meshtide_server.catalogue import JobState, MeshExistsError, MeshRecord, UnknownJobError, UnknownMeshError
+from meshtide_server.identifiers import unique_id
+from meshtide_server.models import Problem
+from meshtide_server.problems import RefusedError
+from meshtide_server.settings import Profile
+from meshtide_server.uploads import checked_suffix, receive
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from meshtide_server.catalogue import Job
+    from meshtide_server.job_runner import JobRunner
+    from meshtide_server.kept_meshes import KeptMeshes
+    from meshtide_server.library import Library
+    from meshtide_server.settings import Settings
+
+router = APIRouter()
+
+EVENT_SECONDS = 0.25
+"""How often a job is looked at for those who watch it."""
+LONGEST_WATCH_SECONDS = 3600.0
+"""Events end after so long; who wants more asks again."""
+_REFUSALS: dict[int | str, dict[str, Any]] = {
+    401: {"model": Problem, "description": "No write token was sent, or one that is not known."},
+    403: {"model": Problem, "description": "This server takes no writes."},
+}
+_UPLOADS: dict[int | str, dict[str, Any]] = {
+    400: {"model": Problem, "description": "There is no body."},
+    409: {"model": Problem, "description": "A mesh of that id lies in the server's folder; it cannot be replaced."},
+    413: {"model": Problem, "description": "The file is too large."},
+    415: {"model": Problem, "description": "No mesh is read from files of that suffix."},
+    **_REFUSALS,
+}
+_UNKNOWN_JOB: dict[int | str, dict[str, Any]] = {404: {"model": Problem, "description": "There is no such job."}}
+_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "description": "The file as it is.",
+        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
+_EXAMPLE: dict[str, JsonValue] = {
+    "id": "7c1e5b0e9d2f4a8c8f3a1b2c3d4e5f60",
+    "mesh": "scan",
+    "state": "running",
+    "stage": "levels",
+    "progress": 0.6,
+    "attempts": 1,
+    "error": None,
+}
+MeshId = Annotated[
+    str, Path(description="Id of a mesh.", pattern=r"^[a-z0-9_][a-z0-9_-]{0,99}$", examples=["stanford-bunny"])
+]
+JobId = Annotated[str, Path(description="Id of a job.", examples=["7c1e5b0e9d2f4a8c8f3a1b2c3d4e5f60"])]
+FileName = Annotated[
+    str,
+    Query(description="Name of the file; its suffix tells the format.", max_length=200, examples=["scan.ply"]),
+]
+Tags = Annotated[list[str], Query(description="To find it by.", max_length=50)]
+Licence = Annotated[str, Query(description="The text of its terms.", max_length=20000)]
+Bits = Annotated[int | None, Query(description="Bits per coordinate.", ge=SMALLEST_B, le=LARGEST_B)]
+ProfileName = Annotated[Profile | None, Query(description="How it is encoded.")]
+
+
+class JobStatus(BaseModel):
+    """How far a job is."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    id: str = Field(description="Its id in URLs.")
+    mesh: str = Field(description="Id of the mesh that it makes.")
+    state: JobState = Field(description="queued, running, done or failed.")
+    stage: str = Field(description="What is being done.")
+    progress: float = Field(description="The fraction of that stage that is done.", ge=0.0, le=1.0)
+    attempts: int = Field(description="How often it was begun; one that dies is begun a second time.")
+    error: str | None = Field(description="Why it failed, or why its first attempt did.")
+
+    @classmethod
+    def of(cls, job: Job) -> JobStatus:
+        """The status of `job`."""
+        return cls(
+            id=job.id,
+            mesh=job.mesh_id,
+            state=job.state,
+            stage=job.stage,
+            progress=job.progress,
+            attempts=job.attempts,
+            error=job.error,
+        )
+
+
+@router.post(
+    "/meshes",
+    status_code=202,
+    summary="Upload a mesh",
+    tags=["ingest"],
+    responses=_UPLOADS,
+    dependencies=[Depends(require_write)],
+    openapi_extra=_BODY,
+)
+async def upload(
+    request: Request,
+    response: Response,
+    filename: FileName,
+    tag: Tags = [],  # noqa: B006 - fastapi copies it
+    licence: Licence = "",
+    bits: Bits = None,
+    profile: ProfileName = None,
+) -> JobStatus:
+    """Upload a mesh file, or a .tide file, as the body; its id is made of the file's name.
+
+    curl --data-binary @scan.ply -H "Authorization: Bearer TOKEN" "http://host:8000/meshes?filename=scan.ply"
+    """
+    kept = _kept(request)
+    name = PurePosixPath(filename)
+    suffix = checked_suffix(filename)
+    source = await receive(request.stream(), suffix, kept.store, _settings(request).max_upload)
+    options = _options(request, bits, profile)
+    taken = {mesh.id for mesh in _library(request).meshes} | set(kept.meshes)
+    while True:
+        mesh_id = unique_id(name.stem, suffix, taken)
+        mesh = MeshRecord(mesh_id, name.name, tuple(sorted(set(tag))), licence, source=source.sha256)
+        try:
+            _, job = await kept.catalogue.add_with_job(mesh, source.key, options)
+        except MeshExistsError:
+            taken.add(mesh_id)
+        else:
+            return _accepted(request, response, job)
+
+
+@router.put(
+    "/meshes/{mesh_id}",
+    status_code=202,
+    summary="Upload a mesh under an id",
+    tags=["ingest"],
+    responses=_UPLOADS,
+    dependencies=[Depends(require_write)],
+    openapi_extra=_BODY,
+)
+async def put_mesh(
+    request: Request,
+    response: Response,
+    mesh_id: MeshId,
+    filename: FileName,
+    tag: Tags = [],  # noqa: B006 - fastapi copies it
+    licence: Licence = "",
+    bits: Bits = None,
+    profile: ProfileName = None,
+) -> JobStatus:
+    """Upload a mesh file, or a .tide file, under an id of your own; a published mesh of that id is replaced."""
+    kept = _kept(request)
+    _refuse_folder_mesh(request, mesh_id)
+    suffix = checked_suffix(filename)
+    source = await receive(request.stream(), suffix, kept.store, _settings(request).max_upload)
+    mesh = MeshRecord(mesh_id, PurePosixPath(filename).name, tuple(sorted(set(tag))), licence, source=source.sha256)
+    _, job = await kept.catalogue.add_with_job(mesh, source.key, _options(request, bits, profile), replace=True)
+    return _accepted(request, response, job)
+
+
+@router.delete(
+    "/meshes/{mesh_id}",
+    status_code=204,
+    summary="Delete a mesh",
+    tags=["ingest"],
+    responses={
+        404: {"model": Problem, "description": "There is no such published mesh."},
+        409: {"model": Problem, "description": "It lies in the server's folder; delete its file there."},
+        **_REFUSALS,
+    },
+    dependencies=[Depends(require_write)],
+)
+async def delete_mesh(request: Request, mesh_id: MeshId) -> None:
+    """Delete a published mesh, with its jobs; its stream goes with the last mesh that has the same."""
+    kept = _kept(request)
+    _refuse_folder_mesh(request, mesh_id)
+    try:
+        await kept.catalogue.delete(mesh_id)
+    except UnknownMeshError as error:
+        raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-mesh", f"no mesh {mesh_id!r} is published here") from error
+    await kept.refresh()
+
+
+@router.get(
+    "/jobs/{job_id}",
+    summary="How far an upload is",
+    tags=["ingest"],
+    responses=_UNKNOWN_JOB,
+    dependencies=[Depends(require_read)],
+)
+async def job_status(request: Request, job_id: JobId) -> JobStatus:
+    """The state of a job; it is done when its mesh can be fetched."""
+    return JobStatus.of(await _job(request, job_id))
+
+
+@router.get(
+    "/jobs/{job_id}/events",
+    summary="Watch an upload",
+    tags=["ingest"],
+    response_class=StreamingResponse,
+    responses={
+        200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}, "description": "Its states."},
+        **_UNKNOWN_JOB,
+    },
+    dependencies=[Depends(require_read)],
+)
+async def job_events(request: Request, job_id: JobId) -> StreamingResponse:
+    """Server-sent events: the state of a job whenever it changes, until it is done or has failed."""
+    first = await _job(request, job_id)
+    return StreamingResponse(
+        _events(request, first), media_type="text/event-stream", headers={"Cache-Control": "no-cache"}
+    )
+
+
+async def _events(request: Request, job: Job) -> AsyncIterator[str]:
+    loop = asyncio.get_running_loop()
+    end = loop.time() + LONGEST_WATCH_SECONDS
+    told: JobStatus | None = None
+    draining: asyncio.Event = request.app.state.draining
+    while loop.time() < end and not draining.is_set():
+        status = JobStatus.of(job)
+        if status != told:
+            yield f"event: job\ndata: {json.dumps(status.model_dump(mode='json'))}\n\n"
+            told = status
+        if job.state in {JobState.DONE, JobState.FAILED}:
+            return
+        await asyncio.sleep(EVENT_SECONDS)
+        try:
+            job = await _kept(request).catalogue.jobs.get(job.id)
+        except UnknownJobError:
+            yield "event: gone\ndata: {}\n\n"
+            return
+
+
+def _accepted(request: Request, response: Response, job: Job) -> JobStatus:
+    runner: JobRunner = request.app.state.jobs
+    runner.notify()
+    response.headers["Location"] = f"/jobs/{job.id}"
+    return JobStatus.of(job)
+
+
+def _options(request: Request, bits: int | None, profile: Profile | None) -> dict[str, Any]:
+    settings = _settings(request)
+    return {"bits": bits or settings.bits, "profile": profile or settings.profile}
+
+
+async def _job(request: Request, job_id: str) -> Job:
+    try:
+        return await _kept(request).catalogue.jobs.get(job_id)
+    except UnknownJobError as error:
+        raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-job", f"there is no job {job_id[:64]!r}") from error
+
+
+def _refuse_folder_mesh(request: Request, mesh_id: str) -> None:
+    found = _library(request).find(mesh_id)
+    if found is not None and found.record is None:
+        message = f"mesh {mesh_id!r} lies in the server's folder; change its file there"
+        raise RefusedError(HTTPStatus.CONFLICT, "folder-mesh", message)
+
+
+def _kept(request: Request) -> KeptMeshes:
+    """Store and catalogue.
+
+    Raises:
+        RefusedError: 403, the server has none.
+    """
+    kept = _library(request).kept
+    if kept is None:
+        message = "this server has no place to keep meshes; start it with --data, or with a store and a database"
+        raise RefusedError(HTTPStatus.FORBIDDEN, "read-only", message)
+    return kept
+
+
+def _library(request: Request) -> Library:
+    library: Library = request.app.state.library
+    return library
+
+
+def _settings(request: Request) -> Settings:
+    settings: Settings = request.app.state.settings
+    return settings

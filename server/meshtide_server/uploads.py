@@ -1,0 +1,108 @@
+"""Uploads: a request's body becomes an object of the store, known by the SHA-256 of its bytes.
+
+The body goes to a temporary file while it is counted and hashed, so an upload of any size takes little memory, and one
+that is too large, or that ends early, leaves nothing behind. Only then is it put into the store, whole.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import tempfile
+from dataclasses import dataclass
+from http import HTTPStatus
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, BinaryIO, cast
+
+from meshtide_codec.files import is_mesh_path
+from meshtide_server.hosted_mesh import TIDE_SUFFIX
+from meshtide_server.problems import RefusedError
+from meshtide_server.store import MissingObjectError
+from meshtide_server.store.keys import source_key
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from meshtide_server.store import Store
+
+CHUNK = 1 << 20
+REFUSED_SUFFIXES = frozenset({".gltf"})
+"""Formats whose parts lie in files of their own, which an upload does not bring along: .glb is the same in one file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """A file in the store that waits to be encoded.
+
+    Args:
+        key: of the object.
+        sha256: of its bytes, in hexadecimal.
+        size: how many there are.
+    """
+
+    key: str
+    sha256: str
+    size: int
+
+
+def checked_suffix(filename: str) -> str:
+    """The suffix of an uploaded file, which tells its format.
+
+    Raises:
+        RefusedError: 415, no mesh is read from such a file.
+
+    >>> checked_suffix("Scan.PLY"), checked_suffix("scan.tide")
+    ('.ply', '.tide')
+    """
+    suffix = PurePosixPath(filename).suffix.lower()
+    if suffix in REFUSED_SUFFIXES or not (suffix == TIDE_SUFFIX or is_mesh_path(Path(f"mesh{suffix}"))):
+        message = (
+            f"no mesh is read from files named *{suffix or filename[:50]}; send .ply, .obj, .off, .stl, .glb or .tide"
+        )
+        raise RefusedError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "unknown-format", message)
+    return suffix
+
+
+async def receive(body: AsyncIterator[bytes], suffix: str, store: Store, limit: int) -> Upload:
+    """Take a request's body and put it into the store.
+
+    Args:
+        body: in pieces.
+        suffix: of the file's name.
+        store: takes it.
+        limit: bytes at most.
+
+    Raises:
+        RefusedError: 413, it is longer than that; 400, there is nothing in it.
+        StoreError: the store did not take it.
+    """
+    digest = hashlib.sha256()
+    size = 0
+    with tempfile.TemporaryFile() as file:
+        async for piece in body:
+            size += len(piece)
+            if size > limit:
+                message = f"the upload is longer than the {limit} bytes that this server takes (MESHTIDE_MAX_UPLOAD)"
+                raise RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too-large", message)
+            digest.update(piece)
+            await asyncio.to_thread(file.write, piece)
+        if size == 0:
+            raise RefusedError(HTTPStatus.BAD_REQUEST, "empty", "the request has no body; send the file as it is")
+        sha256 = digest.hexdigest()
+        key = source_key(sha256, suffix)
+        if not await _holds(store, key, size):
+            await store.put(key, _pieces(cast("BinaryIO", file)))
+    return Upload(key, sha256, size)
+
+
+async def _holds(store: Store, key: str, size: int) -> bool:
+    try:
+        return (await store.head(key)).size == size
+    except MissingObjectError:
+        return False
+
+
+async def _pieces(file: BinaryIO) -> AsyncIterator[bytes]:
+    await asyncio.to_thread(file.seek, 0)
+    while piece := await asyncio.to_thread(file.read, CHUNK):
+        yield piece

@@ -1,0 +1,110 @@
+"""Uploads to a real server process: all that it acknowledged is encoded, even when it is killed meanwhile."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import httpx
+import numpy as np
+import pytest
+
+from meshes import grid
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.decoder import decode
+from meshtide_codec.encoder import encode
+from meshtide_codec.files import save_mesh
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+TOKEN = "only-for-this-test-0000"  # noqa: S105 - of this test's servers
+BITS = 8
+
+
+@contextmanager
+def hosted(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """A server that takes uploads, in a process of its own."""
+    settings = {
+        "MESHTIDE_DATA": str(folder / "data"),
+        "MESHTIDE_WRITE_TOKENS": TOKEN,
+        "MESHTIDE_JOB_LOST_SECONDS": "1",
+        "MESHTIDE_CATALOGUE_SECONDS": "0.2",
+        "MESHTIDE_CACHE": str(folder / "cache"),
+    }
+    command = [sys.executable, "-m", "meshtide_server", "--port", "0", "--announce"]
+    environment = {**os.environ, **settings}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as process:
+        try:
+            assert process.stdout is not None
+            yield json.loads(process.stdout.readline())["url"], process
+        finally:
+            process.terminate()
+
+
+@pytest.fixture(name="scans")
+def _scans(tmp_path: Path) -> Path:
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    for size in range(5, 13):
+        save_mesh(grid(size), folder / f"patch-{size}.ply")
+    return folder
+
+
+def states(url: str) -> dict[str, str]:
+    return {row["id"]: row["status"] for row in httpx.get(f"{url}/meshes").json()}
+
+
+def assert_exact(url: str, size: int) -> None:
+    decoded = decode(httpx.get(f"{url}/meshes/patch-{size}.tide").content)
+    expected = encode(grid(size), CompactOptions(bits=BITS)).quantized.mesh()
+    assert np.array_equal(decoded.vertices, expected.vertices)
+    assert np.array_equal(decoded.faces, expected.faces)
+
+
+def test_a_folder_is_uploaded_and_repeating_it_uploads_nothing(
+    tmp_path: Path, scans: Path, meshtide: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MESHTIDE_TOKEN", TOKEN)
+    (scans / "broken.obj").write_text("this is no mesh")
+    with hosted(tmp_path) as (url, _):
+        ran = meshtide("ingest", scans, "--server", url, "--bits", BITS, "--json")
+        answer = json.loads(ran.stdout)
+        assert ran.returncode == 1
+        assert (answer["done"], answer["kept"], answer["failed"]) == (8, 0, 1)
+        failed = next(row for row in answer["files"] if row["state"] == "failed")
+        assert failed["file"].endswith("broken.obj")
+        assert "mesh" in failed["error"]
+        for size in (5, 12):
+            assert_exact(url, size)
+        (scans / "broken.obj").unlink()
+        ran = meshtide("ingest", scans, "--server", url)
+        assert (ran.returncode, ran.stdout.strip()) == (0, "0 uploaded, 8 there before, 0 failed")
+        monkeypatch.setenv("MESHTIDE_TOKEN", "another-token-altogether")
+        ran = meshtide("ingest", scans / "patch-5.ply", "--replace", "--server", url)
+        assert ran.returncode == 1
+        assert "token" in ran.stderr
+
+
+def test_what_was_acknowledged_before_a_kill_is_encoded_after_it(tmp_path: Path, scans: Path) -> None:
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    with hosted(tmp_path) as (url, process):
+        for size in range(5, 13):
+            data = (scans / f"patch-{size}.ply").read_bytes()
+            params: dict[str, Any] = {"filename": f"patch-{size}.ply", "bits": BITS}
+            assert httpx.post(f"{url}/meshes", params=params, content=data, headers=headers).status_code == 202
+        process.kill()
+        process.wait()
+    with hosted(tmp_path) as (url, _):
+        deadline = time.monotonic() + 90
+        while set(states(url).values()) != {"ready"} and time.monotonic() < deadline:
+            time.sleep(0.2)
+        assert states(url) == {f"patch-{size}": "ready" for size in range(5, 13)}
+        for size in range(5, 13):
+            assert_exact(url, size)

@@ -1,0 +1,159 @@
+"""Uploads, jobs and deletions, over a real socket, with meshes that are really encoded."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING, Any
+
+import httpx
+import numpy as np
+import pytest
+from pydantic import SecretStr
+
+from meshes import grid
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.decoder import decode
+from meshtide_codec.encoder import encode
+from meshtide_codec.files import save_mesh
+from meshtide_server.settings import Settings
+
+from .conftest import TETRAHEDRON, LiveServer, make_stream, running
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+TOKEN = "a-token-for-writing-000"  # noqa: S105 - of this test's server
+WRITER = {"Authorization": f"Bearer {TOKEN}"}
+
+
+def settings_for(folder: Path, data: Path, **more: Any) -> Settings:
+    return Settings(
+        directory=folder,
+        data=data,
+        port=0,
+        write_tokens=(SecretStr(TOKEN),),
+        catalogue_seconds=0.2,
+        writes_per_minute=0,
+        **more,
+    )
+
+
+@pytest.fixture
+def server(folder: Path, tmp_path: Path) -> Iterator[LiveServer]:
+    with running(settings_for(folder, tmp_path / "data", max_upload=200_000)) as live:
+        yield live
+
+
+def finished(url: str, job_id: str, seconds: float = 120.0) -> dict[str, Any]:
+    """The job once it is done or has failed."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        job: dict[str, Any] = httpx.get(f"{url}/jobs/{job_id}").json()
+        if job["state"] in {"done", "failed"}:
+            return job
+        time.sleep(0.05)
+    raise TimeoutError(job_id)
+
+
+def post(url: str, filename: str, data: bytes, **params: Any) -> httpx.Response:
+    return httpx.post(f"{url}/meshes", params={"filename": filename, **params}, content=data, headers=WRITER)
+
+
+def test_an_upload_is_encoded_and_can_be_fetched(server: LiveServer, tmp_path: Path) -> None:
+    mesh = grid(9)
+    save_mesh(mesh, tmp_path / "patch.ply")
+    data = (tmp_path / "patch.ply").read_bytes()
+    answer = post(server.url, "Patch.ply", data, tag=["flat", "small"], licence="CC0", bits=10)
+    assert answer.status_code == 202
+    job = answer.json()
+    assert answer.headers["Location"] == f"/jobs/{job['id']}"
+    assert job["mesh"] == "patch"
+    with httpx.stream("GET", f"{server.url}/jobs/{job['id']}/events", timeout=120) as events:
+        states = [json.loads(line[6:])["state"] for line in events.iter_lines() if line.startswith("data: ")]
+    assert states[-1] == "done"
+    whole = httpx.get(f"{server.url}/meshes/patch.tide")
+    assert whole.status_code == 200
+    expected = encode(mesh, CompactOptions(bits=10)).quantized.mesh()
+    decoded = decode(whole.content)
+    assert np.array_equal(decoded.vertices, expected.vertices)
+    assert np.array_equal(decoded.faces, expected.faces)
+    listed = {row["id"]: row for row in httpx.get(f"{server.url}/meshes").json()}
+    assert listed["patch"]["tags"] == ["flat", "small"]
+
+    again = post(server.url, "Patch.ply", data, bits=10).json()
+    assert again["mesh"] == "patch-ply"
+    assert finished(server.url, again["id"])["state"] == "done"
+    assert httpx.get(f"{server.url}/meshes/patch-ply.tide").content == whole.content
+
+
+def test_a_stream_is_published_as_it_is_replaced_and_deleted(server: LiveServer) -> None:
+    for seed in (3, 4):
+        params = {"filename": "some.tide"}
+        answer = httpx.put(f"{server.url}/meshes/mine", params=params, content=make_stream(seed), headers=WRITER)
+        assert answer.status_code == 202
+        assert finished(server.url, answer.json()["id"])["state"] == "done"
+        assert httpx.get(f"{server.url}/meshes/mine.tide").content == make_stream(seed)
+    assert httpx.delete(f"{server.url}/meshes/mine", headers=WRITER).status_code == 204
+    assert httpx.get(f"{server.url}/meshes/mine.tide").status_code == 404
+    assert httpx.get(f"{server.url}/jobs/{answer.json()['id']}").status_code == 404
+    assert httpx.delete(f"{server.url}/meshes/mine", headers=WRITER).json()["error"] == "unknown-mesh"
+
+
+def test_a_file_that_is_no_mesh_fails_and_stops_nobody(server: LiveServer) -> None:
+    bad = post(server.url, "bad.ply", b"ply\nformat ascii 1.0\nelement vertex 999999999999\nend_header\n").json()
+    cut = post(server.url, "cut.tide", make_stream(1)[:-100]).json()
+    good = post(server.url, "good.obj", TETRAHEDRON.encode()).json()
+    assert finished(server.url, good["id"])["state"] == "done"
+    for job in (bad, cut):
+        ended = finished(server.url, job["id"])
+        assert ended["state"] == "failed"
+        assert ended["error"]
+        assert httpx.get(f"{server.url}/meshes/{job['mesh']}.tide").json()["error"] == "mesh-failed"
+
+
+@pytest.mark.parametrize(
+    ("filename", "data", "status", "error"),
+    [
+        ("a.txt", b"x", 415, "unknown-format"),
+        ("a", b"x", 415, "unknown-format"),
+        ("a.gltf", b"{}", 415, "unknown-format"),
+        ("a.obj", b"", 400, "empty"),
+        ("a.obj", bytes(200_001), 413, "too-large"),
+    ],
+)
+def test_uploads_that_cannot_be_taken(server: LiveServer, filename: str, data: bytes, status: int, error: str) -> None:
+    answer = post(server.url, filename, data)
+    assert (answer.status_code, answer.json()["error"]) == (status, error)
+
+
+def test_writing_takes_a_token_and_spares_the_folder(server: LiveServer) -> None:
+    params = {"filename": "a.obj"}
+    for method, path in (("POST", "/meshes"), ("PUT", "/meshes/x"), ("DELETE", "/meshes/x")):
+        assert httpx.request(method, f"{server.url}{path}", params=params).status_code == 401
+    for method in ("PUT", "DELETE"):
+        answer = httpx.request(method, f"{server.url}/meshes/small", params=params, headers=WRITER)
+        assert (answer.status_code, answer.json()["error"]) == (409, "folder-mesh")
+    assert httpx.put(f"{server.url}/meshes/No..Id", params=params, headers=WRITER).status_code == 422
+    assert httpx.get(f"{server.url}/jobs/none").json()["error"] == "unknown-job"
+    assert httpx.get(f"{server.url}/jobs/none/events").status_code == 404
+
+
+def test_a_server_without_a_place_for_meshes_takes_none(folder: Path) -> None:
+    with running(Settings(directory=folder, port=0, write_tokens=(SecretStr(TOKEN),))) as live:
+        answer = post(live.url, "a.obj", TETRAHEDRON.encode())
+        assert (answer.status_code, answer.json()["error"]) == (403, "read-only")
+
+
+def test_what_was_queued_is_done_after_a_restart(folder: Path, tmp_path: Path) -> None:
+    settings = settings_for(folder, tmp_path / "data")
+    with running(settings) as live:
+        live.loop.call_soon_threadsafe(live.app.state.draining.set)  # jobs are not begun any more
+        time.sleep(0.1)
+        jobs = [post(live.url, f"part-{i}.tide", make_stream(i)).json() for i in range(3)]
+        assert {httpx.get(f"{live.url}/jobs/{job['id']}").json()["state"] for job in jobs} == {"queued"}
+    with running(settings) as live:
+        for i, job in enumerate(jobs):
+            assert finished(live.url, job["id"])["state"] == "done"
+            assert httpx.get(f"{live.url}/meshes/part-{i}.tide").content == make_stream(i)
