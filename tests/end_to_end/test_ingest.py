@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import time
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import httpx
@@ -19,33 +15,13 @@ from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.files import save_mesh
+from upload_server import TOKEN, taking_uploads
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
     from pathlib import Path
 
-TOKEN = "only-for-this-test-0000"  # noqa: S105 - of this test's servers
 BITS = 8
-
-
-@contextmanager
-def hosted(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """A server that takes uploads, in a process of its own."""
-    settings = {
-        "MESHTIDE_DATA": str(folder / "data"),
-        "MESHTIDE_WRITE_TOKENS": TOKEN,
-        "MESHTIDE_JOB_LOST_SECONDS": "1",
-        "MESHTIDE_CATALOGUE_SECONDS": "0.2",
-        "MESHTIDE_CACHE": str(folder / "cache"),
-    }
-    command = [sys.executable, "-m", "meshtide_server", "--port", "0", "--announce"]
-    environment = {**os.environ, **settings}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["url"], process
-        finally:
-            process.terminate()
 
 
 @pytest.fixture(name="scans")
@@ -73,7 +49,7 @@ def test_a_folder_is_uploaded_and_repeating_it_uploads_nothing(
 ) -> None:
     monkeypatch.setenv("MESHTIDE_TOKEN", TOKEN)
     (scans / "broken.obj").write_text("this is no mesh")
-    with hosted(tmp_path) as (url, _):
+    with taking_uploads(MESHTIDE_DATA=str(tmp_path / "data")) as (url, _):
         ran = meshtide("ingest", scans, "--server", url, "--bits", BITS, "--json")
         answer = json.loads(ran.stdout)
         assert ran.returncode == 1
@@ -94,14 +70,14 @@ def test_a_folder_is_uploaded_and_repeating_it_uploads_nothing(
 
 def test_what_was_acknowledged_before_a_kill_is_encoded_after_it(tmp_path: Path, scans: Path) -> None:
     headers = {"Authorization": f"Bearer {TOKEN}"}
-    with hosted(tmp_path) as (url, process):
+    with taking_uploads(MESHTIDE_DATA=str(tmp_path / "data")) as (url, process):
         for size in range(5, 13):
             data = (scans / f"patch-{size}.ply").read_bytes()
             params: dict[str, Any] = {"filename": f"patch-{size}.ply", "bits": BITS}
             assert httpx.post(f"{url}/meshes", params=params, content=data, headers=headers).status_code == 202
         process.kill()
         process.wait()
-    with hosted(tmp_path) as (url, _):
+    with taking_uploads(MESHTIDE_DATA=str(tmp_path / "data")) as (url, _):
         deadline = time.monotonic() + 90
         while set(states(url).values()) != {"ready"} and time.monotonic() < deadline:
             time.sleep(0.2)

@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import shutil
-import socket
-import subprocess
-import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
@@ -17,13 +12,14 @@ import pytest
 
 import meshtide_client
 from meshtide_client.transport import Link
+from nginx_proxy import behind_nginx, wait_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
 MESH = "patch"
 CLIENTS = 6
-CONFIGURATION = Path(__file__).parents[2] / "docker" / "nginx.conf"
 
 
 @pytest.fixture(name="two")
@@ -37,37 +33,8 @@ def _two(start_server: Callable[[], Any]) -> Iterator[tuple[Any, Any]]:
 @pytest.fixture(name="proxy")
 def _proxy(two: tuple[Any, Any], tmp_path: Path) -> Iterator[str]:
     """nginx in front of both; yields its URL."""
-    program = shutil.which("nginx", path="/usr/sbin:/usr/local/sbin:/usr/bin")
-    if program is None:
-        pytest.skip("nginx is not installed")
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-    servers = "".join(f"server {server.url.removeprefix('http://')} max_fails=1 fail_timeout=2s; " for server in two)
-    text = CONFIGURATION.read_text().replace("/tmp", str(tmp_path))  # noqa: S108 - what stands in the file
-    text = text.replace("server meshtide:8000 max_fails=1 fail_timeout=2s;", servers)
-    text = text.replace("listen 8080;", f"listen 127.0.0.1:{port};")
-    (tmp_path / "nginx.conf").write_text(f"daemon off;\n{text}")
-    tmp_path.chmod(0o755)
-    command = [program, "-p", str(tmp_path), "-c", str(tmp_path / "nginx.conf")]
-    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
-        try:
-            wait_for(f"http://127.0.0.1:{port}/healthz", process)
-            yield f"http://127.0.0.1:{port}"
-        finally:
-            process.terminate()
-
-
-def wait_for(url: str, process: subprocess.Popen[bytes] | None = None) -> None:
-    deadline = time.monotonic() + 30
-    while True:
-        try:
-            if httpx.get(url).status_code == 200:
-                return
-        except httpx.TransportError:
-            pass
-        assert process is None or process.poll() is None
-        assert time.monotonic() < deadline, url
-        time.sleep(0.05)
+    with behind_nginx([server.url for server in two], tmp_path) as url:
+        yield url
 
 
 def running(server: Any) -> float:

@@ -1,4 +1,4 @@
-"""The table of load figures: python tests/bench/load/all.py [--reach]; takes about two minutes.
+"""The table of load figures: python tests/bench/load/all.py [--reach]; takes about three minutes.
 
 Runs the programs beside it one after the other and prints their rows as one Markdown table. With --reach, the number of
 clients is the larger one of 5000 idle and 1000 streaming. Ends with exit code 1 if a bound does not hold.
@@ -20,6 +20,7 @@ PROGRAMS = (
     ("websocket_throughput.py",),
     ("idle_memory.py",),
     ("first_packet.py",),
+    ("killed_server.py",),
 )
 REACH = ("concurrent_streams.py", "--clients", "1000", "--idle", "5000")
 
