@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 import httpx
 import numpy as np
@@ -27,7 +28,7 @@ from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.files import save_mesh
-from upload_server import taking_uploads
+from upload_server import TOKEN, taking_uploads
 
 BITS = 8
 SIZES = 20
