@@ -21,6 +21,7 @@ from meshtide_server.catalogue import MeshQuery, MeshState
 from meshtide_server.catalogue.meshes import LARGEST_PAGE
 from meshtide_server.hosted_mesh import HostedMesh, Source
 from meshtide_server.hosted_stream import HostedStream
+from meshtide_server.packet_index import PacketIndex
 from meshtide_server.storage import FileStorage
 from meshtide_server.store import StoreError, stream_key
 from meshtide_server.store.local import LocalStore
@@ -51,6 +52,8 @@ class KeptMeshes:
         self._meshes: dict[str, HostedMesh] = {}
         self._updated: dict[str, datetime] = {}
         self._streams: dict[str, HostedStream] = {}
+        self.packets = PacketIndex()
+        """The packets of their streams, which it knows by SHA-256."""
         self._swept = False
 
     @property
@@ -126,6 +129,7 @@ class KeptMeshes:
         if storage.size != record.size:
             raise StoreError(f"{storage.path} has {storage.size} bytes, the catalogue knows {record.size}")
         self._streams[sha256] = HostedStream(header, record.header, storage, record.packets)
+        self.packets.add(sha256, self._streams[sha256])
         return self._streams[sha256]
 
     async def _file(self, sha256: str) -> Path:
@@ -152,4 +156,5 @@ class KeptMeshes:
                 await self._copies.delete(key)
         for sha256 in self._streams.keys() - needed:
             del self._streams[sha256]
+            self.packets.remove(sha256)
             await self._copies.delete(stream_key(sha256))

@@ -94,7 +94,8 @@ class Library:
 
     def find_packet(self, digest: bytes) -> PacketPlace | None:
         """Where the packet whose bytes have that SHA-256 lies."""
-        return self._packets.find(digest)
+        found = self._packets.find(digest)
+        return self.kept.packets.find(digest) if found is None and self.kept is not None else found
 
     async def start(self) -> None:
         """Find the meshes and begin to work on them."""

@@ -27,8 +27,10 @@ from .conftest import LiveServer, make_stream
 
 
 def test_without_a_connection_nothing_is_cut() -> None:
-    cut({"type": "http"})
-    cut({"type": "http", "state": {}})
+    for scope in ({"type": "http"}, {"type": "http", "state": {}}):
+        before = {**scope}
+        cut(scope)
+        assert scope == before
 
 
 def test_requests_and_websockets_can_be_cut(folder: Path, serve: Any) -> None:

@@ -95,8 +95,12 @@ def test_a_stream_is_published_as_it_is_replaced_and_deleted(server: LiveServer)
         assert answer.status_code == 202
         assert finished(server.url, answer.json()["id"])["state"] == "done"
         assert httpx.get(f"{server.url}/meshes/mine.tide").content == make_stream(seed)
+        row = httpx.get(f"{server.url}/meshes/mine").json()["packets"][3]
+        packet = httpx.get(f"{server.url}/packets/{row['sha256']}")
+        assert packet.content == make_stream(seed)[row["offset"] : row["offset"] + row["length"]]
     assert httpx.delete(f"{server.url}/meshes/mine", headers=WRITER).status_code == 204
     assert httpx.get(f"{server.url}/meshes/mine.tide").status_code == 404
+    assert httpx.get(f"{server.url}/packets/{row['sha256']}").status_code == 404
     assert httpx.get(f"{server.url}/jobs/{answer.json()['id']}").status_code == 404
     assert httpx.delete(f"{server.url}/meshes/mine", headers=WRITER).json()["error"] == "unknown-mesh"
 
