@@ -168,7 +168,7 @@ async def test_no_path_leads_out_of_the_library(client: httpx.AsyncClient, folde
 async def test_other_refusals_are_json_too(client: httpx.AsyncClient) -> None:
     nothing = await client.get("/nothing")
     assert (nothing.status_code, nothing.json()["error"]) == (404, "not-found")
-    written = await client.post("/meshes")
+    written = await client.post("/healthz")
     assert (written.status_code, written.json()["error"]) == (405, "method-not-allowed")
     assert written.headers["allow"] == "GET"
 
@@ -211,11 +211,13 @@ async def test_openapi_describes_everything_with_examples(client: httpx.AsyncCli
         "/meshes/{mesh_id}.tide",
         "/meshes/{mesh_id}/header",
         "/packets/{digest}",
+        "/jobs/{job_id}",
+        "/jobs/{job_id}/events",
         "/metrics",
         "/readyz",
         "/tickets",
     }
-    for model in ("Problem", "Health", "MeshSummary", "MeshDetail", "Level", "PacketRow"):
+    for model in ("Problem", "Health", "MeshSummary", "MeshDetail", "Level", "PacketRow", "JobStatus"):
         assert described["components"]["schemas"][model]["examples"]
     for path, methods in described["paths"].items():
         for method, operation in methods.items():
