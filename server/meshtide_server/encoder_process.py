@@ -12,7 +12,7 @@ import logging
 import signal
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from meshtide_server.stream_cache import EncodingOptions
+    from meshtide_server.upload_checks import UploadLimits
 
 logger = logging.getLogger("meshtide.server")
 
@@ -53,6 +54,7 @@ class Job:
         digest: of the file's content, as the cache knows it.
         options: how to encode.
         targets: where to store the stream; the first that takes it.
+        limits: what the file may claim if a stranger sent it; None for one of the server's own.
     """
 
     file: Path | None
@@ -60,6 +62,7 @@ class Job:
     digest: str
     options: EncodingOptions
     targets: tuple[Path, ...]
+    limits: UploadLimits | None = None
 
     def line(self) -> bytes:
         """The job as the process reads it."""
@@ -70,6 +73,7 @@ class Job:
             "bits": self.options.bits,
             "profile": self.options.profile,
             "targets": [str(target) for target in self.targets],
+            "limits": asdict(self.limits) if self.limits else None,
         }
         return json.dumps(fields).encode() + b"\n"
 

@@ -103,10 +103,13 @@ def _load(job: dict[str, Any]) -> Mesh:
     from meshtide_codec.files import load_mesh  # noqa: PLC0415 - the same
     from meshtide_codec.samples import load_sample  # noqa: PLC0415 - the same
     from meshtide_server.stream_cache import file_digest  # noqa: PLC0415 - the same
+    from meshtide_server.upload_checks import UploadLimits, check_upload  # noqa: PLC0415 - the same
 
     if job["sample"] is not None:
         return load_sample(job["sample"])
     path = Path(job["file"])
+    if job["limits"] is not None:
+        check_upload(path, UploadLimits(**job["limits"]))
     mesh = load_mesh(path)
     if file_digest(path) != job["digest"]:
         raise MeshFileError(f"{path} was changed while it was read")

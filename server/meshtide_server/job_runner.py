@@ -19,6 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshtideError
+from meshtide_codec.limits import Limits
 from meshtide_server import metrics
 from meshtide_server.catalogue import JobState, MeshState, UnknownMeshError
 from meshtide_server.encoder_process import EncoderProcess, EncodingFailedError
@@ -27,6 +28,7 @@ from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.publishing import Publication, publish
 from meshtide_server.store import stream_key
 from meshtide_server.stream_cache import EncodingOptions, file_digest
+from meshtide_server.upload_checks import UploadLimits
 
 if TYPE_CHECKING:
     from meshtide_server.catalogue import Job, MeshRecord
@@ -37,6 +39,8 @@ logger = logging.getLogger("meshtide.server")
 
 POLL_SECONDS = 0.5
 """How often the queue is looked at, if nobody says that there is something."""
+CHUNK = 1 << 22
+"""Bytes of an upload that are fetched from the store at a time."""
 HEARTBEATS = 8
 """Heartbeats within the time after which a job counts as lost."""
 
@@ -121,6 +125,9 @@ class JobRunner:
             outcome = await self._failed(job, str(error), retry=error.by_process)
         except (MeshtideError, OSError) as error:
             outcome = await self._failed(job, str(error), retry=not isinstance(error, MeshtideError))
+        except Exception as error:  # one job must not end the work on all others
+            logger.exception("while job %s of mesh %s was worked on", job.id, job.mesh_id)
+            outcome = await self._failed(job, f"internal error: {type(error).__name__}", retry=True)
         finally:
             heart.cancel()
         self._job = None
@@ -150,12 +157,26 @@ class JobRunner:
         with tempfile.TemporaryDirectory(prefix="meshtide-job-") as folder:
             source = Path(folder) / f"{mesh.id}{suffix}"
             self._stage = ("read the upload", 0.0)
-            await asyncio.to_thread(source.write_bytes, await store.get(job.source_key))
+            await self._fetch(job.source_key, source)
             stream: Path | bytes = source
             if suffix != TIDE_SUFFIX:
                 stream = await self._encoded_before(job, mesh) or await self._encoded(job, source)
             self._stage = ("publish", 0.0)
-            await publish(store, catalogue, stream, _publication(mesh), job=(job.id, self._owner))
+            limits = Limits(
+                vertices=self._settings.max_vertices,
+                faces=self._settings.max_faces,
+                memory=self._settings.max_decode_memory,
+            )
+            await publish(store, catalogue, stream, _publication(mesh), limits=limits, job=(job.id, self._owner))
+
+    async def _fetch(self, key: str, target: Path) -> None:
+        """Copy an object of the store to a file, a piece at a time: an upload may be larger than memory."""
+        store = self._kept.store
+        size = (await store.head(key)).size
+        with target.open("wb") as file:
+            for start in range(0, size, CHUNK):
+                piece = await store.get_range(key, start, min(start + CHUNK, size))
+                await asyncio.to_thread(file.write, piece)
 
     async def _encoded_before(self, job: Job, mesh: MeshRecord) -> bytes | None:
         """The stream that another job made of the same file with the same options, if there is one."""
@@ -173,7 +194,8 @@ class JobRunner:
         target = source.with_suffix(TIDE_SUFFIX)
         options = EncodingOptions(bits=int(job.options["bits"]), profile=str(job.options["profile"]))
         digest = await asyncio.to_thread(file_digest, source)
-        await self._encoder.encode(EncoderJob(source, None, digest, options, (target,)), self._advance)
+        limits = UploadLimits(self._settings.max_vertices, self._settings.max_faces)
+        await self._encoder.encode(EncoderJob(source, None, digest, options, (target,), limits), self._advance)
         return target
 
     def _advance(self, stage: str, fraction: float) -> None:

@@ -123,6 +123,11 @@ class Settings(BaseSettings):
     )
 
     max_upload: int = Field(default=1 << 30, ge=1, description="Bytes of an uploaded file at most.")
+    max_vertices: int = Field(default=1 << 26, ge=1, description="Vertices of an uploaded mesh at most.")
+    max_faces: int = Field(default=1 << 27, ge=1, description="Faces of an uploaded mesh at most.")
+    max_decode_memory: int = Field(
+        default=1 << 34, ge=1, description="Bytes of memory, by estimate, that decoding an uploaded mesh may take."
+    )
     job_seconds: float = Field(default=3600.0, gt=0.0, description="Seconds that encoding an upload may take.")
     job_lost_seconds: float = Field(
         default=20.0, ge=1.0, description="Seconds after which a job is tried again whose server is not heard of."

@@ -1,9 +1,12 @@
 # ruff: noqa: ASYNC240 - the files of these tests are small
 import asyncio
+import json
 import os
 import signal
+import struct
 from collections.abc import AsyncIterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +14,7 @@ import pytest
 from meshtide_codec.stream.container import read_container
 from meshtide_server.encoder_process import EncoderProcess, EncodingFailedError, Job
 from meshtide_server.stream_cache import EncodingOptions, file_digest
+from meshtide_server.upload_checks import UploadLimits
 
 OPTIONS = EncodingOptions(bits=9)
 
@@ -60,6 +64,52 @@ async def test_one_process_stores_streams_reports_failures_and_goes_on(
 
     sample = Job(None, "spot", "sample spot", OPTIONS, ())
     assert read_container((await encoder.encode(sample, quiet)).data)[0].vertices > 2000
+
+
+async def test_a_file_that_wants_more_memory_than_a_job_may_have_costs_one_job(
+    tmp_path: Path, tetrahedron: str
+) -> None:
+    greedy, good = tmp_path / "greedy.glb", tmp_path / "good.obj"
+    accessor = {"componentType": 5126, "count": 10**9, "type": "VEC3"}
+    text = json.dumps(
+        {
+            "asset": {"version": "2.0"},
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [accessor],
+            "bufferViews": [],
+            "buffers": [],
+        }
+    ).encode()
+    text += b" " * (-len(text) % 4)
+    chunk = struct.pack("<I4s", len(text), b"JSON") + text
+    greedy.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunk)) + chunk)
+    good.write_text(tetrahedron)
+    encoder = EncoderProcess(memory=2 << 30)
+    try:
+        with pytest.raises(EncodingFailedError, match="does not fit into memory"):
+            await encoder.encode(job(greedy, tmp_path / "greedy.tide"), quiet)
+        assert encoder.running
+        assert (await encoder.encode(job(good, tmp_path / "good.tide"), quiet)).path == tmp_path / "good.tide"
+    finally:
+        await encoder.close()
+
+
+async def test_what_a_stranger_sent_is_checked_before_it_is_read(
+    encoder: EncoderProcess, tmp_path: Path, tetrahedron: str
+) -> None:
+    hostile, good = tmp_path / "hostile.off", tmp_path / "good.obj"
+    hostile.write_text("OFF\n1000000000000 1 0\n")
+    good.write_text(tetrahedron)
+    limits = UploadLimits(vertices=4, faces=4)
+    with pytest.raises(EncodingFailedError, match="claims 1000000000000 vertices; this server takes 4") as refusal:
+        await encoder.encode(replace(job(hostile, tmp_path / "hostile.tide"), limits=limits), quiet)
+    assert not refusal.value.by_process
+    encoded = await encoder.encode(replace(job(good, tmp_path / "good.tide"), limits=limits), quiet)
+    assert encoded.path == tmp_path / "good.tide"
+    with pytest.raises(EncodingFailedError, match="claims 4 vertices; this server takes 3"):
+        await encoder.encode(replace(job(good), limits=UploadLimits(3, 4)), quiet)
 
 
 async def test_a_stream_that_no_folder_takes_comes_back_in_memory(
