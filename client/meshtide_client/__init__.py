@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from meshtide_client.address import MeshAddress, ServerAddress
     from meshtide_client.fetching import FetchResult, fetch
     from meshtide_client.listing import HostedMesh, list_meshes
+    from meshtide_client.mesh_search import MeshSearch
     from meshtide_client.streaming import LevelFigures, ReceivedLevel, stream
     from meshtide_client.transport import Link
     from meshtide_codec.stream.session import Until
@@ -31,6 +32,7 @@ __all__ = [
     "LevelFigures",
     "Link",
     "MeshAddress",
+    "MeshSearch",
     "ReceivedLevel",
     "ServerAddress",
     "Until",
@@ -45,6 +47,7 @@ _HOMES = {
     "LevelFigures": "meshtide_client.streaming",
     "Link": "meshtide_client.transport",
     "MeshAddress": "meshtide_client.address",
+    "MeshSearch": "meshtide_client.mesh_search",
     "ReceivedLevel": "meshtide_client.streaming",
     "ServerAddress": "meshtide_client.address",
     "Until": "meshtide_codec.stream.session",

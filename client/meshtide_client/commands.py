@@ -5,8 +5,9 @@ Imports of anything heavy happen inside the commands, so that `meshtide --help` 
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -22,6 +23,7 @@ TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news unt
 TokenFileOption = Annotated[
     Path | None, typer.Option(help="File that holds the token for the server; without it, MESHTIDE_TOKEN is the token.")
 ]
+_MOMENTS = ["%Y-%m-%d", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%S%z"]
 RateOption = Annotated[float | None, typer.Option(help="Take no more than so many bytes a second.")]
 
 
@@ -120,28 +122,90 @@ def fetch(
 
 def meshes(
     url: Annotated[str, typer.Argument(help="Address of the server: http://host:port.")],
+    text: Annotated[
+        str, typer.Option("-q", "--search", help="Words that all stand in the id, the name or the tags.")
+    ] = "",
+    tag: Annotated[list[str] | None, typer.Option(help="Tag that it has. May be repeated.")] = None,
+    licence: Annotated[str, typer.Option(help="Words that all stand in the text of its terms.")] = "",
+    status: Annotated[Literal["ready", "encoding", "failed"] | None, typer.Option(help="In which state it is.")] = None,
+    smallest: Annotated[int | None, typer.Option(min=0, help="Bytes of its stream, at least.")] = None,
+    largest: Annotated[int | None, typer.Option(min=0, help="Bytes of its stream, at most.")] = None,
+    fewest_vertices: Annotated[int | None, typer.Option(min=0, help="Vertices, at least.")] = None,
+    most_vertices: Annotated[int | None, typer.Option(min=0, help="Vertices, at most.")] = None,
+    fewest_levels: Annotated[int | None, typer.Option(min=0, help="States that it can show, at least.")] = None,
+    most_levels: Annotated[int | None, typer.Option(min=0, help="States that it can show, at most.")] = None,
+    created_after: Annotated[
+        datetime | None,
+        typer.Option(
+            metavar="MOMENT",
+            formats=_MOMENTS,
+            help="Published after this moment, such as 2026-11-30; UTC without a zone.",
+        ),
+    ] = None,
+    created_before: Annotated[
+        datetime | None,
+        typer.Option(
+            metavar="MOMENT",
+            formats=_MOMENTS,
+            help="Published before this moment, such as 2026-11-30; UTC without a zone.",
+        ),
+    ] = None,
+    box: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(metavar="X Y Z X Y Z", help="A box that its own touches: the smallest x, y, z, then the largest."),
+    ] = None,
+    after: Annotated[str, typer.Option(help="Only ids that come after this one.")] = "",
+    limit: Annotated[int | None, typer.Option(min=1, help="How many at most.", show_default="all")] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the meshes that a server hosts.
+    """List the meshes that a server hosts, or those of them that are asked for.
 
-    Example: meshtide meshes http://localhost:8000
+    Example: meshtide meshes http://localhost:8000 --search bust --tag scan --fewest-vertices 100000 --limit 20
     """
     from dataclasses import asdict
+
+    from rich.console import Console
 
     from meshtide_client.address import ServerAddress
     from meshtide_client.credentials import find_token
     from meshtide_client.listing import list_meshes
+    from meshtide_client.mesh_search import MeshSearch
 
-    hosted = list_meshes(url, timeout=timeout, token=find_token(token_file))
+    search = MeshSearch(
+        text=text,
+        tags=tuple(tag or ()),
+        licence=licence,
+        status=status,
+        smallest=smallest,
+        largest=largest,
+        fewest_vertices=fewest_vertices,
+        most_vertices=most_vertices,
+        fewest_levels=fewest_levels,
+        most_levels=most_levels,
+        created_after=created_after,
+        created_before=created_before,
+        box=box,
+        after=after,
+    )
+    with Console(stderr=True).status(f"asking {ServerAddress.parse(url)}") as shown:
+        hosted = list_meshes(
+            url,
+            search=search,
+            limit=limit,
+            timeout=timeout,
+            token=find_token(token_file),
+            progress=lambda count: shown.update(f"{count} meshes"),
+        )
     if as_json:
         _print_json({"server": str(ServerAddress.parse(url)), "meshes": [asdict(mesh) for mesh in hosted]})
         return
     from meshtide_client.listing_table import listing_table
     from meshtide_codec.command_line import wide_console
 
-    wide_console().print(listing_table(hosted) if hosted else "the server hosts no meshes")
+    nothing = "the server hosts no such meshes" if search.parameters() else "the server hosts no meshes"
+    wide_console().print(listing_table(hosted) if hosted else nothing)
 
 
 def ingest(

@@ -1,25 +1,33 @@
-"""What a server hosts, asked over HTTP."""
+"""What a server hosts, asked over HTTP, page by page."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import parse_qs, urlencode, urlsplit
 
 import httpx
 
 from meshtide_client.address import ServerAddress
 from meshtide_client.credentials import authorization, find_token
+from meshtide_client.mesh_search import MeshSearch
 from meshtide_client.problem import read_problem
-from meshtide_codec.errors import PeerError, ProtocolError, TransferError
+from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
 from meshtide_codec.stream import plain_values
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping, Sequence
+
+    from meshtide_client.mesh_search import Parameter
 
 _DEFAULT_TIMEOUT = 30.0
 _LONGEST_TEXT = 1000
+_LONGEST_LICENCE = 1 << 16
+_MOST_TAGS = 1000
 _LARGEST_ANSWER = 1 << 26
+_PAGE = 1000
+"""Meshes that a server is asked for at a time; no server gives more."""
 STATIC_INDEX = "index.json"
 """Name of the list of meshes in the folder `meshes` of a static copy."""
 
@@ -39,6 +47,11 @@ class HostedMesh:
         faces: of the finest level.
         levels: how many states its stream can show.
         bytes: size of the stream.
+        tags: of a published mesh.
+        licence: the text of a published mesh's terms.
+        created: when it was first published, as ISO 8601 has it.
+        updated: when it was last changed.
+        box: that holds it: the smallest x, y, z and the largest, once known.
     """
 
     id: str
@@ -51,43 +64,97 @@ class HostedMesh:
     faces: int | None
     levels: int | None
     bytes: int | None
+    tags: tuple[str, ...] = ()
+    licence: str | None = None
+    created: str | None = None
+    updated: str | None = None
+    box: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
 
-def list_meshes(url: str, *, timeout: float = _DEFAULT_TIMEOUT, token: str | None = None) -> tuple[HostedMesh, ...]:
+class _Answer(NamedTuple):
+    """What came: a value (None for what is no JSON), and the id after which the next page begins, if there is one."""
+
+    value: Any
+    next: str | None = None
+
+
+def list_meshes(
+    url: str,
+    *,
+    search: MeshSearch | None = None,
+    limit: int | None = None,
+    timeout: float = _DEFAULT_TIMEOUT,
+    token: str | None = None,
+    progress: Callable[[int], None] = lambda _: None,
+) -> tuple[HostedMesh, ...]:
     """The meshes of the server at `url`, such as ``http://localhost:8000``, or of a static copy of one.
 
     Args:
         url: the server's address.
+        search: which of them; all when left out. A static copy cannot be searched.
+        limit: how many at most; None for all.
         timeout: seconds without any news.
         token: to be shown to the server, or None for that of the environment.
+        progress: is told after each page how many there are by then.
 
     Raises:
-        OptionError: `url` is not the address of a server.
+        OptionError: `url` is not the address of a server, or there is a search, and a static copy answers.
         TransferError: there is no connection within `timeout` seconds, or it was lost.
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
     """
     server = ServerAddress.parse(url)
     token = token or find_token()
+    wanted = (search or MeshSearch()).parameters()
+    meshes: list[HostedMesh] = []
+    after: str | None = None
+    while True:
+        answer = _page(server, _query(wanted, after, None if limit is None else limit - len(meshes)), timeout, token)
+        page = _meshes(server, answer.value)
+        meshes += page if limit is None else page[: limit - len(meshes)]
+        progress(len(meshes))
+        if answer.next is None or (limit is not None and len(meshes) >= limit):
+            return tuple(meshes)
+        if not page or (after is not None and answer.next <= after):
+            raise ProtocolError(f"{server.listing_url} lists the same meshes again and again; check the address")
+        after = answer.next
+
+
+def _query(wanted: list[Parameter], after: str | None, left: int | None) -> list[Parameter]:
+    """The parameters of the next page's request."""
+    query = [(name, value) for name, value in wanted if name != "after" or after is None]
+    if after is not None:
+        query.append(("after", after))
+    return [*query, ("limit", str(_PAGE if left is None else min(max(left, 1), _PAGE)))]
+
+
+def _page(server: ServerAddress, query: list[Parameter], timeout: float, token: str | None) -> _Answer:
+    """One page of a server's list; the whole list of a static copy."""
     try:
-        answer = _get(server, server.listing_url, timeout, token)
-        if answer is None:
+        answer = _get(server, server.listing_url, query, timeout, token)
+        if answer.value is None:
             raise ProtocolError(f"{server.listing_url} does not list meshes (no JSON); check the address")
     except PeerError:
         raise
     except ProtocolError as error:
         try:  # a static copy has the list in a file
-            answer = _get(server, f"{server.listing_url}/{STATIC_INDEX}", timeout, token)
+            answer = _get(server, f"{server.listing_url}/{STATIC_INDEX}", [], timeout, token)
         except (ProtocolError, TransferError):
             raise error from None
+        if any(name != "limit" for name, _ in query):
+            raise OptionError(f"{server} is a static copy, which cannot be searched; list it without filters") from None
+    return answer
+
+
+def _meshes(server: ServerAddress, value: Any) -> list[HostedMesh]:  # noqa: ANN401 - anything may come
     try:
-        if isinstance(answer, dict):
-            answer = answer.get("meshes")
-        return tuple(_hosted_mesh(row) for row in plain_values.array(answer, "the list of meshes"))
-    except (plain_values.BadValueError, LookupError, TypeError) as error:
+        if isinstance(value, dict):
+            value = value.get("meshes")
+        return [_hosted_mesh(row) for row in plain_values.array(value, "the list of meshes")]
+    except (plain_values.BadValueError, LookupError, TypeError, AttributeError) as error:
         raise ProtocolError(f"{server.listing_url} does not list meshes ({error}); check the address") from error
 
 
-def _get(server: ServerAddress, url: str, timeout: float, token: str | None) -> Any:  # noqa: ANN401 - anything may come
+def _get(server: ServerAddress, url: str, query: list[Parameter], timeout: float, token: str | None) -> _Answer:
     try:
         with (
             httpx.Client(
@@ -96,7 +163,7 @@ def _get(server: ServerAddress, url: str, timeout: float, token: str | None) -> 
                 follow_redirects=True,
                 headers=authorization(token),
             ) as client,
-            client.stream("GET", url) as response,
+            client.stream("GET", url, params=urlencode(query) or None) as response,
         ):
             body = bytearray()
             for piece in response.iter_bytes():
@@ -114,7 +181,13 @@ def _get(server: ServerAddress, url: str, timeout: float, token: str | None) -> 
         if (problem := read_problem(bytes(body))) is not None:
             raise problem
         raise ProtocolError(f"{url} answered with HTTP status {response.status_code}; check the address")
-    return value
+    return _Answer(value, _next_id(response))
+
+
+def _next_id(response: httpx.Response) -> str | None:
+    """After which id the next page begins; only that is taken of its address, which may be another behind a proxy."""
+    found = parse_qs(urlsplit(response.links.get("next", {}).get("url", "")).query).get("after", [None])[-1]
+    return None if found is None else found[:_LONGEST_TEXT]
 
 
 def _json(body: bytes) -> Any:  # noqa: ANN401 - anything may come
@@ -131,15 +204,31 @@ def _hosted_mesh(row: Mapping[str, Any]) -> HostedMesh:
     def count(name: str) -> int | None:
         return None if row.get(name) is None else plain_values.integer(row[name], name)
 
+    def optional(name: str, longest: int = _LONGEST_TEXT) -> str | None:
+        return None if row.get(name) is None else plain_values.text(row[name], name, longest)
+
+    def corner(name: str) -> tuple[float, ...]:
+        return tuple(plain_values.number(value, name) for value in plain_values.array(row["box"][name], name, 3))
+
     return HostedMesh(
         id=text("id"),
         name=text("name"),
         status=text("status"),
-        stage=None if row.get("stage") is None else text("stage"),
+        stage=optional("stage"),
         progress=plain_values.number(row["progress"], "progress", 0.0, 1.0),
-        reason=None if row.get("reason") is None else text("reason"),
+        reason=optional("reason"),
         vertices=count("vertices"),
         faces=count("faces"),
         levels=count("levels"),
         bytes=count("bytes"),
+        tags=tuple(plain_values.text(tag, "tag", _LONGEST_TEXT) for tag in _list(row, "tags")[:_MOST_TAGS]),
+        licence=optional("licence", _LONGEST_LICENCE),
+        created=optional("created"),
+        updated=optional("updated"),
+        box=None if row.get("box") is None else (corner("minimum"), corner("maximum")),
     )
+
+
+def _list(row: Mapping[str, Any], name: str) -> Sequence[Any]:
+    value = row.get(name)
+    return () if value is None else plain_values.array(value, name)

@@ -20,6 +20,9 @@ def listing_table(meshes: Sequence[HostedMesh]) -> Table:
     table.add_column("state")
     for column in ("vertices", "faces", "levels", "bytes", "bits/vertex"):
         table.add_column(column, justify="right")
+    tagged = any(mesh.tags for mesh in meshes)
+    if tagged:
+        table.add_column("tags")
     for mesh in meshes:
         rate = 8 * mesh.bytes / mesh.vertices if mesh.bytes is not None and mesh.vertices else None
         table.add_row(
@@ -27,6 +30,7 @@ def listing_table(meshes: Sequence[HostedMesh]) -> Table:
             Text(_state(mesh)),
             *("-" if count is None else str(count) for count in (mesh.vertices, mesh.faces, mesh.levels, mesh.bytes)),
             "-" if rate is None else f"{rate:.2f}",
+            *([Text(", ".join(mesh.tags))] if tagged else []),
         )
     return table
 

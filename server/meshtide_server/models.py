@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from datetime import datetime  # noqa: TC003 - pydantic reads the annotations
-from typing import TYPE_CHECKING, Any, Literal
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from meshtide_server.hosted_mesh import HostedMesh
     from meshtide_server.hosted_stream import HostedStream
 
+_LARGEST = (1 << 63) - 1
+_MOST_LEVELS = (1 << 31) - 1
+"""What the catalogue's columns hold."""
+_NO_NUL = r"^[^\x00]*$"
+"""A character that no text in the catalogue holds, and that PostgreSQL does not take."""
 _SUMMARY: dict[str, JsonValue] = {
     "id": "stanford-bunny",
     "name": "stanford-bunny.ply",
@@ -26,6 +31,11 @@ _SUMMARY: dict[str, JsonValue] = {
     "faces": 69451,
     "levels": 6,
     "bytes": 94120,
+    "box": {"minimum": [-0.09469, 0.03299, -0.06187], "maximum": [0.06101, 0.18732, 0.0588]},
+    "tags": ["scan", "animal"],
+    "licence": "CC BY 4.0",
+    "created": "2026-11-02T09:30:00Z",
+    "updated": "2026-11-02T09:30:04Z",
 }
 _LEVEL: dict[str, JsonValue] = {
     "level": 0,
@@ -104,20 +114,43 @@ class MeshQuestion(BaseModel):
     """Which meshes are asked for."""
 
     q: str = Field(
-        "", max_length=200, description="Words that all stand in the id, the name or the tags.", examples=["bunny"]
+        "",
+        max_length=200,
+        pattern=_NO_NUL,
+        description="Words that all stand in the id, the name or the tags.",
+        examples=["bunny"],
     )
-    tag: list[str] = Field([], max_length=20, description="Tags that it has all of.", examples=[["scan"]])
+    tag: list[Annotated[str, Field(max_length=200, pattern=_NO_NUL)]] = Field(
+        [], max_length=20, description="Tags that it has all of.", examples=[["scan"]]
+    )
+    licence: str = Field(
+        "",
+        max_length=200,
+        pattern=_NO_NUL,
+        description="Words that all stand in the text of its terms.",
+        examples=["CC BY"],
+    )
     status: Status | None = Field(None, description="Whether it can be fetched.")
-    smallest: int | None = Field(None, ge=0, description="Bytes of its stream, at least.")
-    largest: int | None = Field(None, ge=0, description="Bytes of its stream, at most.")
-    fewest_vertices: int | None = Field(None, ge=0, description="Vertices of its finest level, at least.")
-    most_vertices: int | None = Field(None, ge=0, description="Vertices of its finest level, at most.")
+    smallest: int | None = Field(None, ge=0, le=_LARGEST, description="Bytes of its stream, at least.")
+    largest: int | None = Field(None, ge=0, le=_LARGEST, description="Bytes of its stream, at most.")
+    fewest_vertices: int | None = Field(None, ge=0, le=_LARGEST, description="Vertices of its finest level, at least.")
+    most_vertices: int | None = Field(None, ge=0, le=_LARGEST, description="Vertices of its finest level, at most.")
+    fewest_levels: int | None = Field(None, ge=0, le=_MOST_LEVELS, description="States it can show, at least.")
+    most_levels: int | None = Field(None, ge=0, le=_MOST_LEVELS, description="States it can show, at most.")
+    created_after: datetime | None = Field(
+        None, description="Published after this moment; without a time zone, in UTC.", examples=["2026-11-01"]
+    )
+    created_before: datetime | None = Field(
+        None,
+        description="Published before this moment; without a time zone, in UTC.",
+        examples=["2026-12-01T12:00:00Z"],
+    )
     box: str | None = Field(
         None,
         description="A box that its own touches: smallest x, y, z, largest x, y, z.",
         examples=["0,0,0,1,1,1"],
     )
-    after: str = Field("", max_length=200, description="Only ids after this one.", examples=["spot"])
+    after: str = Field("", max_length=200, pattern=_NO_NUL, description="Only ids after this one.", examples=["spot"])
     limit: int | None = Field(None, ge=1, le=1000, description="How many at most.", examples=[100])
 
     @field_validator("box")
@@ -127,20 +160,16 @@ class MeshQuestion(BaseModel):
             parse_box(value)
         return value
 
+    @field_validator("created_after", "created_before")
+    @classmethod
+    def _assume_utc(cls, value: datetime | None) -> datetime | None:
+        return value.replace(tzinfo=UTC) if value is not None and value.tzinfo is None else value
+
     def search(self) -> Search:
         """The same as the library understands it."""
-        return Search(
-            self.q,
-            tuple(self.tag),
-            self.status,
-            self.smallest,
-            self.largest,
-            self.fewest_vertices,
-            self.most_vertices,
-            parse_box(self.box) if self.box is not None else None,
-            self.after,
-            self.limit,
-        )
+        same = self.model_dump(exclude={"q", "tag", "box"})
+        box = parse_box(self.box) if self.box is not None else None
+        return Search(text=self.q, tags=tuple(self.tag), box=box, **same)
 
 
 class MeshSummary(BaseModel):
@@ -217,7 +246,7 @@ class PacketRow(BaseModel):
 
 
 class MeshDetail(BaseModel):
-    """The header of a mesh's stream."""
+    """All that is known of a mesh, and the header of its stream."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -225,6 +254,16 @@ class MeshDetail(BaseModel):
                 {
                     "id": "stanford-bunny",
                     "name": "stanford-bunny.ply",
+                    "status": "ready",
+                    "tags": _SUMMARY["tags"],
+                    "licence": _SUMMARY["licence"],
+                    "created": _SUMMARY["created"],
+                    "updated": _SUMMARY["updated"],
+                    "box": _SUMMARY["box"],
+                    "source": "6b86b273ff34fce19d6b804eff5a3f5747ada4eaa22f1d49c01e52ddb7875b4b",
+                    "sha256": "d4735e3a265e16eee03f59718b9b5d03019c07d8b6c51f90da3a666eec13ab35",
+                    "vertices": _SUMMARY["vertices"],
+                    "faces": _SUMMARY["faces"],
                     "fingerprint": "5b0c0f4e" * 8,
                     "profile": "classic",
                     "options": {},
@@ -241,6 +280,16 @@ class MeshDetail(BaseModel):
 
     id: str
     name: str
+    status: Status = Field(description="Always ready: others are refused with the reason.")
+    tags: list[str] = Field([], description="Of a published mesh.")
+    licence: str | None = Field(None, description="The text of a published mesh's terms.")
+    created: datetime | None = Field(None, description="When it was first published.")
+    updated: datetime | None = Field(None, description="When it was last changed.")
+    box: BoxModel | None = Field(description="That holds the mesh.")
+    source: str | None = Field(None, description="SHA-256 of the uploaded file, in hexadecimal, if there was one.")
+    sha256: str | None = Field(None, description="SHA-256 of a published mesh's .tide file, in hexadecimal.")
+    vertices: int = Field(description="Vertices of the finest level.")
+    faces: int = Field(description="Faces of the finest level.")
     fingerprint: str = Field(description="Of the stream, in hexadecimal; also the entity tag of the .tide file.")
     profile: str
     options: dict[str, Any] = Field(description="What the profile's decoder is told.")
@@ -254,10 +303,20 @@ class MeshDetail(BaseModel):
     @classmethod
     def of(cls, mesh: HostedMesh, stream: HostedStream) -> MeshDetail:
         """The description of `stream`, which is `mesh`'s."""
-        header = stream.header
+        header, record, box = stream.header, mesh.record, box_of(mesh)
         return cls(
             id=mesh.id,
             name=mesh.source.name,
+            status=mesh.status,
+            tags=list(record.tags) if record else [],
+            licence=record.licence if record else None,
+            created=record.created if record else None,
+            updated=record.updated if record else None,
+            box=BoxModel(minimum=box.minimum, maximum=box.maximum) if box else None,
+            source=record.source if record else None,
+            sha256=record.stream if record else None,
+            vertices=header.vertices,
+            faces=header.faces,
             fingerprint=stream.fingerprint,
             profile=header.profile,
             options=plain(dict(header.options)),

@@ -97,12 +97,12 @@ async def file(request: Request, mesh_id: MeshId) -> Response:
     "/meshes/{mesh_id}",
     response_model=MeshDetail,
     responses=_REFUSALS,
-    summary="What a stream holds",
+    summary="All about one mesh",
     tags=["meshes"],
     dependencies=READERS,
 )
 async def mesh(request: Request, mesh_id: MeshId) -> Response:
-    """The header of a mesh's stream: its quantization, its levels and its packets, with their places in the file."""
+    """What is known of a mesh, and its stream: quantization, levels and packets, with their places in the file."""
     found, stream = find_stream(_library(request), mesh_id)
     body = await asyncio.to_thread(lambda: MeshDetail.of(found, stream).model_dump_json())
     return Response(body, media_type="application/json")

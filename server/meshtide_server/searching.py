@@ -11,6 +11,7 @@ from meshtide_server.hosted_mesh import HostedMesh, Status  # noqa: TC001 - data
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from datetime import datetime
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,24 +21,34 @@ class Search:
     Args:
         text: words that all stand in a mesh's id, name or tags, in any case.
         tags: that it has all of.
+        licence: words that stand in the text of its terms, in any case; the folder's meshes have none.
         status: in which it is.
         smallest: bytes of its stream, at least.
         largest: bytes of its stream, at most.
         fewest_vertices: at least.
         most_vertices: at most.
+        fewest_levels: that its stream can show, at least.
+        most_levels: the same, at most.
         box: that its own box touches.
+        created_after: when it came into the catalogue; the folder's meshes never did.
+        created_before: the same.
         after: only ids that come after this one.
         limit: how many at most; None for all.
     """
 
     text: str = ""
     tags: tuple[str, ...] = ()
+    licence: str = ""
     status: Status | None = None
     smallest: int | None = None
     largest: int | None = None
     fewest_vertices: int | None = None
     most_vertices: int | None = None
+    fewest_levels: int | None = None
+    most_levels: int | None = None
     box: Box | None = None
+    created_after: datetime | None = None
+    created_before: datetime | None = None
     after: str = ""
     limit: int | None = None
 
@@ -52,14 +63,21 @@ class Search:
         return found[:end], end < len(found)
 
     def _wants(self, mesh: HostedMesh) -> bool:
-        tags = mesh.record.tags if mesh.record else ()
+        record, header = mesh.record, mesh.stream.header if mesh.stream else None
+        tags = record.tags if record else ()
         words = "\n".join((mesh.id, mesh.source.name, *tags)).casefold()
+        terms = record.licence.casefold() if record else ""
+        created = record.created if record else None
         return (
             all(word in words for word in self.text.casefold().split())
+            and all(word in terms for word in self.licence.casefold().split())
             and set(self.tags) <= set(tags)
             and self.status in {None, mesh.status}
             and _within(mesh.stream.size if mesh.stream else None, self.smallest, self.largest)
-            and _within(mesh.stream.header.vertices if mesh.stream else None, self.fewest_vertices, self.most_vertices)
+            and _within(header.vertices if header else None, self.fewest_vertices, self.most_vertices)
+            and _within(len(header.levels) if header else None, self.fewest_levels, self.most_levels)
+            and (self.created_after is None or (created is not None and created > self.created_after))
+            and (self.created_before is None or (created is not None and created < self.created_before))
             and (self.box is None or _touch(box_of(mesh), self.box))
         )
 

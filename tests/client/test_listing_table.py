@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rich.console import Console
 
 from meshtide_client.listing import HostedMesh
@@ -31,3 +33,9 @@ def test_a_failed_mesh_shows_why_and_markup_is_not_obeyed() -> None:
     text = shown(HostedMesh("[red]cup", "cup.ply", "failed", None, 0.0, "face [1] is [bold]", None, None, None, None))
     assert "failed: face [1] is [bold]" in text
     assert "[red]cup" in text
+
+
+def test_tags_are_a_column_where_there_are_any() -> None:
+    text = shown(replace(READY, tags=("clay", "scan")))
+    assert "clay, scan" in text
+    assert "tags" not in shown(READY)

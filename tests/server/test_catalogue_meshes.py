@@ -98,6 +98,7 @@ async def test_search(catalogue: Catalogue) -> None:
     assert await found(catalogue, fewest_vertices=500) == [5, 6]
     assert await found(catalogue, most_vertices=200) == [1, 2]
     assert await found(catalogue, fewest_levels=6) == [6]
+    assert await found(catalogue, fewest_levels=2, most_levels=3) == [2, 3]
     assert await found(catalogue, box=Box((2.4, 0.5, 0.5), (4.0, 0.6, 0.6))) == [2, 3, 4]
     assert await found(catalogue, box=Box((0.0, 1.1, 0.0), (9.0, 2.0, 2.0))) == []
     assert await found(catalogue, created_after=datetime(2020, 1, 2, tzinfo=UTC)) == [3, 4, 5, 6]

@@ -24,7 +24,7 @@ def published(where: Settings, data: bytes, mesh_id: str, *tags: str) -> None:
     async def work() -> None:
         catalogue = await Catalogue.open(where.database_url)
         store = open_store(where.store_url)
-        await publish(store, catalogue, data, Publication(mesh_id, f"{mesh_id}.obj", tags, "CC BY 4.0"))
+        await publish(store, catalogue, data, Publication(mesh_id, f"{mesh_id}.obj", tags, "CC BY 4.0", "0a" * 32))
         await catalogue.close()
 
     asyncio.run(work())
@@ -53,12 +53,18 @@ def test_two_servers_show_what_comes_and_goes(tmp_path: Path, serve: Callable[[S
     shared = settings(tmp_path / "data")
     servers = [serve(shared), serve(shared)]
     data = make_stream(7)
-    published(shared, data, "vase")
+    published(shared, data, "vase", "pot")
     packet = hashlib.sha256(data[-5000:]).hexdigest()  # the last packet of make_stream
     for server in servers:
         assert eventually(server, "/meshes/vase.tide", 200).content == data
         assert eventually(server, f"/packets/{packet}", 200).content == data[-5000:]
-        assert httpx.get(f"{server.url}/meshes/vase").json()["bytes"] == len(data)
+        detail = httpx.get(f"{server.url}/meshes/vase").json()
+        assert (detail["bytes"], detail["status"], detail["licence"]) == (len(data), "ready", "CC BY 4.0")
+        assert (detail["tags"], detail["vertices"], detail["faces"]) == (["pot"], 1600, 3196)
+        assert detail["box"] == {"minimum": [0.0, -1.0, 0.5], "maximum": [2.0, 1.0, 2.5]}
+        assert (detail["sha256"], detail["source"]) == (hashlib.sha256(data).hexdigest(), "0a" * 32)
+        assert detail["created"] is not None
+        assert detail["created"] <= detail["updated"]
     removed(shared, "vase")
     for server in servers:
         eventually(server, "/meshes/vase", 404)
@@ -97,6 +103,10 @@ def test_meshes_are_searched_and_paged(tmp_path: Path, folder: Path, serve: Call
     assert ids(q="obj 2") == ["vase-2"]
     assert ids(tag=["clay", "odd"]) == ["vase-1", "vase-3"]
     assert ids(status="failed") == []
+    assert ids(licence="by cc", limit=3) == ["vase-0", "vase-1", "vase-2"]
+    assert ids(licence="nd") == ids(fewest_levels=4) == ids(created_after="2999-01-01") == []
+    assert ids(created_before="2999-01-01T00:00:00Z", tag="odd") == ["vase-1", "vase-3"]
+    assert ids(fewest_levels=3, most_levels=3, status="ready") == ["small", "vase-0", "vase-1", "vase-2", "vase-3"]
     assert ids(largest=10) == []
     assert ids(fewest_vertices=1600) == ["small", "vase-0", "vase-1", "vase-2", "vase-3"]
     assert ids(box="1.5,0,1,9,9,9", q="vase-1") == ["vase-1"]
@@ -111,7 +121,10 @@ def test_meshes_are_searched_and_paged(tmp_path: Path, folder: Path, serve: Call
 
 def test_foreign_questions_are_refused(folder: Path, serve: Callable[[Settings], LiveServer]) -> None:
     server = serve(Settings(directory=folder, rescan_seconds=0))
-    for query in ("limit=0", "limit=x", "box=1,2,3", "box=a,b,c,d,e,f", "box=nan,0,0,1,1,1", "status=odd"):
+    queries = ["limit=0", "limit=x", "box=1,2,3", "box=a,b,c,d,e,f", "box=nan,0,0,1,1,1", "status=odd", "q=%00"]
+    queries += ["tag=a%00", "licence=%00", "after=%00", "created_after=soon", "created_before=1e99", "tag=" + "x" * 201]
+    queries += [f"{name}={1 << 63}" for name in ("smallest", "largest", "fewest_vertices", "most_levels")]
+    for query in queries:
         answer = httpx.get(f"{server.url}/meshes?{query}")
         assert 400 <= answer.status_code < 500, query
 

@@ -6,15 +6,28 @@ from hypothesis import strategies as st
 
 from meshtide_server.catalogue import Box, MeshRecord
 from meshtide_server.hosted_mesh import HostedMesh, Source, Status
+from meshtide_server.hosted_stream import load_stream
 from meshtide_server.searching import Search, box_of, parse_box
+from meshtide_server.storage import MemoryStorage
+
+from .conftest import make_stream
 
 MESHES = [
     HostedMesh(
         name,
         Source(f"{name}.obj"),
-        record=MeshRecord(name, f"{name}.obj", tags, box=Box((0, 0, 0), (1, 1, 1)), created=datetime.now(UTC)),
+        record=MeshRecord(
+            name,
+            f"{name}.obj",
+            tags,
+            licence=licence,
+            box=Box((0, 0, 0), (1, 1, 1)),
+            created=datetime(2020, 1, day, tzinfo=UTC),
+        ),
     )
-    for name, tags in (("amphora", ("clay",)), ("bust", ("clay", "marble")), ("column", ()))
+    for day, (name, tags, licence) in enumerate(
+        (("amphora", ("clay",), "CC BY 4.0"), ("bust", ("clay", "marble"), "CC BY-SA"), ("column", (), "")), start=1
+    )
 ]
 
 
@@ -33,6 +46,23 @@ def test_what_is_not_known_is_not_within_bounds() -> None:
     assert ids(smallest=0) == ids(most_vertices=10) == []
     assert ids(status=Status.ENCODING) == ["amphora", "bust", "column"]
     assert box_of(HostedMesh("a", Source("a"))) is None
+
+
+def test_terms_and_moments() -> None:
+    assert ids(licence="by CC") == ["amphora", "bust"]
+    assert ids(licence="cc by nd") == []
+    assert ids(created_after=datetime(2020, 1, 1, tzinfo=UTC)) == ["bust", "column"]
+    assert ids(created_before=datetime(2020, 1, 2, tzinfo=UTC)) == ["amphora"]
+    folder_mesh = HostedMesh("a", Source("a"))
+    assert Search(created_before=datetime(2999, 1, 1, tzinfo=UTC)).page([folder_mesh]) == ([], False)
+    assert Search(licence="cc").page([folder_mesh]) == ([], False)
+
+
+def test_levels() -> None:
+    ready = HostedMesh("a", Source("a"))
+    ready.succeed(load_stream(MemoryStorage(make_stream())))
+    assert Search(fewest_levels=3, most_levels=3).page([ready])[0] == [ready]
+    assert Search(fewest_levels=4).page([ready])[0] == Search(most_levels=2).page([ready])[0] == []
 
 
 def test_boxes_that_touch() -> None:

@@ -215,6 +215,7 @@ def _conditions(query: MeshQuery) -> list[ColumnElement[bool]]:
         (table.vertices, operator.ge, query.fewest_vertices),
         (table.vertices, operator.le, query.most_vertices),
         (table.levels, operator.ge, query.fewest_levels),
+        (table.levels, operator.le, query.most_levels),
         (table.created, operator.gt, query.created_after and micros(query.created_after)),
         (table.created, operator.lt, query.created_before and micros(query.created_before)),
         (table.id, operator.gt, query.after or None),

@@ -157,7 +157,8 @@ class MeshQuery:
         largest: bytes of its stream, at most.
         fewest_vertices: at least.
         most_vertices: at most.
-        fewest_levels: at least.
+        fewest_levels: that its stream can show, at least.
+        most_levels: the same, at most.
         box: that its own box touches.
         created_after: when it came into the catalogue.
         created_before: the same.
@@ -174,6 +175,7 @@ class MeshQuery:
     fewest_vertices: int | None = None
     most_vertices: int | None = None
     fewest_levels: int | None = None
+    most_levels: int | None = None
     box: Box | None = None
     created_after: datetime | None = None
     created_before: datetime | None = None
