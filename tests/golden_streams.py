@@ -104,5 +104,5 @@ VARIANTS: dict[str, Callable[[], EncodedMesh]] = {
     **{f"compact-scattered-{seed}": _compact(partial(scattered, seed)) for seed in range(1, 6)},
 }
 
-GOLDEN_VARIANTS: dict[int, tuple[str, ...]] = {1: tuple(VARIANTS), 2: tuple(VARIANTS)}
+GOLDEN_VARIANTS: dict[int, tuple[str, ...]] = {version: tuple(VARIANTS) for version in (1, 2, 3)}
 """Which variants have a file of which format version; the older ones hold the program to reading those."""

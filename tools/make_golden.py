@@ -2,8 +2,8 @@
 
 Usage: python tools/make_golden.py tests/golden
 
-Run it once, when a format version is made; afterwards the files are frozen and the tests hold every later program
-against them. It refuses to replace a file.
+Run it once, when a format version is made; once that has been released the files are frozen and the tests hold every
+later program against them. It refuses to replace a file.
 """
 
 from __future__ import annotations

@@ -15,7 +15,8 @@ from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.permutation import permutation_packet
 from meshtide_codec.quantize import QuantizedMesh, quantize
 from meshtide_codec.stream.container import write_container
-from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table, stored_distance
+from meshtide_codec.stream.distances import stored_distances
+from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -124,4 +125,4 @@ def _distance(meter: DistortionMeter, quantized: QuantizedMesh, state: ShownStat
     if state.level == 0 and np.array_equal(drawn, quantized.positions):
         return 0.0, 0.0
     measured = meter.measure(drawn, state.faces)
-    return stored_distance(measured.rms), stored_distance(measured.maximum)
+    return stored_distances(measured.rms, measured.maximum)

@@ -39,7 +39,7 @@ Digest = Annotated[
 )
 @router.api_route("/meshes/{mesh_id}/header", methods=["HEAD"], response_class=Response, include_in_schema=False)
 async def header(request: Request, mesh_id: MeshId) -> Response:
-    """The header of a mesh's stream as it stands in the `.tide` file, in msgpack: levels, and the table of packets."""
+    """The header of a mesh's stream as it stands in the `.tide` file: levels, and the table of packets."""
     _, stream = find_stream(_library(request), mesh_id)
     extract = Extract(stream.etag, PREAMBLE_BYTES, stream.packet_offset(0), "no-cache, no-transform")
     return download(stream, request.method, request.headers, extract)

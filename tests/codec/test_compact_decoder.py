@@ -96,7 +96,7 @@ def test_what_the_encoder_measured_is_what_the_decoder_draws() -> None:
     decoder = Decoder(encoded.header)
     rows = {row.packet_count: row for row in encoded.header.levels}
     from meshtide_codec.distortion import DistortionMeter
-    from meshtide_codec.stream.header import stored_distance
+    from meshtide_codec.stream.distances import stored_distances
 
     exact = encoded.quantized
     meter = DistortionMeter(
@@ -107,8 +107,7 @@ def test_what_the_encoder_measured_is_what_the_decoder_draws() -> None:
         if count in rows and rows[count].rms > 0:
             row = rows[count]
             measured = meter.measure(decoder._decoder.geometry(row.level), decoder._decoder.faces(row.level))
-            assert stored_distance(measured.rms) == row.rms
-            assert stored_distance(measured.maximum) == row.maximum
+            assert stored_distances(measured.rms, measured.maximum) == (row.rms, row.maximum)
 
 
 def cells_of(encoded: EncodedMesh, decoder: Decoder) -> None:

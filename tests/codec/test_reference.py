@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import struct
 import zlib
 from dataclasses import replace
 
-import msgpack
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,12 +14,11 @@ from meshes import random_meshes, tetrahedron
 from meshtide_codec.compact import previews
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
-from meshtide_codec.encoder import encode
+from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import ContainerError, PacketError, StreamError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.reference import reference_decode, reference_permutation
-from meshtide_codec.stream.container import read_container
-from meshtide_codec.stream.header import version_of
+from meshtide_codec.stream.container import read_container, write_container
 
 
 def assert_same_levels(data: bytes) -> None:
@@ -91,30 +88,22 @@ def test_damage_is_noticed() -> None:
             reference_decode(foreign)
 
 
-def _changed(data: bytes, key: int, value: object) -> bytes:
-    """The stream with another value in its header, and the checksum that belongs to it."""
-    length = struct.unpack_from("<I", data, 10)[0]
-    header = msgpack.unpackb(data[18 : 18 + length], strict_map_key=False)
-    return _beginning(header | {key: value}) + data[18 + length :]
-
-
-def _beginning(header: dict[int, object]) -> bytes:
-    """Preamble and header."""
-    packed = msgpack.packb(header)
-    return struct.pack("<8sHII", b"\x89TIDE\r\n\x1a", version_of(packed), len(packed), zlib.crc32(packed)) + packed
+def _with_header(encoded: EncodedMesh, **changes: object) -> bytes:
+    """The stream with other values in its header, and the checksum that belongs to it."""
+    return write_container(replace(encoded.header, **changes), encoded.packet_bytes)  # type: ignore[arg-type]
 
 
 def test_an_unknown_profile_is_refused() -> None:
     with pytest.raises(ContainerError, match="unknown profile 'other'"):
-        reference_decode(_changed(encode(tetrahedron()).to_bytes(), 0, "other"))
+        reference_decode(_with_header(encode(tetrahedron()), profile="other"))
 
 
 def test_a_payload_that_goes_on_is_refused() -> None:
     encoded = encode(tetrahedron(), CompactOptions(bits=4))
-    header = msgpack.unpackb(replace(encoded.header, version=1).to_bytes(), strict_map_key=False)
     payloads = list(encoded.packet_bytes)
     payloads[0] += bytes(5)
-    header[6][3] += 5
-    header[7] = b"".join(struct.pack("<I", zlib.crc32(payload)) for payload in payloads)
-    with pytest.raises(PacketError):
-        reference_decode(_beginning(header) + b"".join(payloads))
+    entry = replace(encoded.header.packets[0], length=len(payloads[0]), checksum=zlib.crc32(payloads[0]))
+    for version in (1, 2, 3):
+        header = replace(encoded.header, version=version, packets=(entry, *encoded.header.packets[1:]))
+        with pytest.raises(PacketError):
+            reference_decode(write_container(header, payloads))

@@ -37,7 +37,7 @@ STARTS = [PREAMBLE_BYTES + len(STREAM.header_bytes) + int(offset) for offset in 
 
 def test_layout() -> None:
     assert FILE[:8] == MAGIC
-    assert struct.unpack("<HII", FILE[8:18]) == (2, len(STREAM.header_bytes), zlib.crc32(STREAM.header_bytes))
+    assert struct.unpack("<HII", FILE[8:18]) == (3, len(STREAM.header_bytes), zlib.crc32(STREAM.header_bytes))
     assert FILE[18 : 18 + len(STREAM.header_bytes)] == STREAM.header_bytes
     assert preamble(STREAM.header_bytes) == FILE[: STARTS[0]]
     assert len(FILE) == STARTS[-1]
@@ -101,9 +101,9 @@ def test_foreign_files_and_newer_versions() -> None:
     for foreign in (b"ply\nformat ascii 1.0", b"\x89PNG\r\n\x1a\n" + bytes(100), b"x"):
         with pytest.raises(ContainerError, match="not a .tide file"):
             read_container(foreign)
-    with pytest.raises(VersionError, match="version 3"):
-        read_container(FILE[:8] + b"\x03\x00" + FILE[10:])
-    with pytest.raises(ContainerError, match="header of version 2 in a file of version 1"):
+    with pytest.raises(VersionError, match="version 4"):
+        read_container(FILE[:8] + b"\x04\x00" + FILE[10:])
+    with pytest.raises(ContainerError, match="header of version 3 in a file of version 1"):
         read_container(FILE[:8] + b"\x01\x00" + FILE[10:])
 
 

@@ -10,6 +10,8 @@ from typing import Any
 import msgpack
 
 from meshtide_codec.errors import ContainerError, PacketError
+from meshtide_codec.reference.numbers import read_number, read_signed
+from meshtide_codec.reference.packed_header import HeaderFields, Row, read_packed_header
 
 MAGIC = b"\x89TIDE\r\n\x1a"
 PREAMBLE = struct.Struct("<8sHII")
@@ -32,6 +34,7 @@ class State:
 class Stream:
     """A whole stream: what its header says, and its payloads by kind, level and slice in transmission order."""
 
+    version: int
     profile: str
     options: dict[str, Any]
     bits: int
@@ -68,41 +71,48 @@ def read_stream(data: bytes) -> Stream:
         raise ContainerError("the file ends inside its preamble", offset=0)
     magic, version, length, checksum = PREAMBLE.unpack_from(data)
     header_bytes = data[PREAMBLE.size : PREAMBLE.size + length]
-    if magic != MAGIC or version not in {1, 2} or zlib.crc32(header_bytes) != checksum:
-        raise ContainerError("not a stream of format version 1 or 2, or damaged", offset=0)
-    header = msgpack.unpackb(header_bytes, strict_map_key=False)
-    rows = _rows_of_four(header[6]) if version == 1 else read_packet_rows(header[6])
-    states = (
-        _rows_of_four(header[5]) if version == 1 else read_state_rows(header[5], [level for _, level, _, _ in rows])
-    )
+    if magic != MAGIC or version not in {1, 2, 3} or zlib.crc32(header_bytes) != checksum:
+        raise ContainerError("not a stream of format version 1, 2 or 3, or damaged", offset=0)
+    header = read_packed_header(header_bytes) if version == 3 else _read_map(header_bytes, version)
     position = PREAMBLE.size + length
     payloads: dict[Key, bytes] = {}
-    checksums = struct.unpack(f"<{len(header[7]) // 4}I", header[7])
-    for index, (kind, level, part, size) in enumerate(rows):
+    for index, (kind, level, part, size) in enumerate(header.packets):
         payload = data[position : position + size]
-        if len(payload) != size or zlib.crc32(payload) != checksums[index] or (kind, level, part) in payloads:
+        right = len(payload) == size and zlib.crc32(payload) == header.checksums[index]
+        if not right or (kind, level, part) in payloads:
             raise PacketError(f"packet {index} is damaged", level=level, offset=position)
         payloads[kind, level, part] = payload
         position += size
     if position != len(data):
         raise ContainerError("bytes follow the last packet", offset=position)
     return Stream(
-        profile=header[0],
-        options=header[1],
-        bits=header[2],
-        origin=header[3],
-        extent=header[4],
-        states=[State(*row) for row in states],
+        version=version,
+        profile=header.profile,
+        options=header.options,
+        bits=header.bits,
+        origin=header.origin,
+        extent=header.extent,
+        states=[State(*row) for row in header.states],
         payloads=payloads,
     )
 
 
-def _rows_of_four(numbers: list[int]) -> list[tuple[int, int, int, int]]:
+def _read_map(data: bytes, version: int) -> HeaderFields:
+    """The header of version 1 or 2."""
+    fields = msgpack.unpackb(data, strict_map_key=False)
+    packets = _rows_of_four(fields[6]) if version == 1 else read_packet_rows(fields[6])
+    levels = [level for _, level, _, _ in packets]
+    states = _rows_of_four(fields[5]) if version == 1 else read_state_rows(fields[5], levels)
+    checksums = list(struct.unpack(f"<{len(fields[7]) // 4}I", fields[7]))
+    return HeaderFields(fields[0], fields[1], fields[2], fields[3], fields[4], packets, checksums, states, [])
+
+
+def _rows_of_four(numbers: list[int]) -> list[Row]:
     return list(zip(numbers[0::4], numbers[1::4], numbers[2::4], numbers[3::4], strict=True))
 
 
-def read_packet_rows(table: bytes) -> list[tuple[int, int, int, int]]:
-    """Kind, level, slice and length of each packet, from version 2 on (section 2.1).
+def read_packet_rows(table: bytes) -> list[Row]:
+    """Kind, level, slice and length of each packet, in version 2 (section 2.1).
 
     Raises:
         ContainerError, PacketError: the table is damaged.
@@ -110,7 +120,7 @@ def read_packet_rows(table: bytes) -> list[tuple[int, int, int, int]]:
     >>> read_packet_rows(bytes.fromhex("180200ac0211090307"))
     [(0, 2, 0, 300), (1, 1, 0, 9), (3, 1, 0, 7)]
     """
-    rows: list[tuple[int, int, int, int]] = []
+    rows: list[Row] = []
     level = part = position = 0
     while position < len(table):
         head, position = read_number(table, position)
@@ -130,8 +140,8 @@ def read_packet_rows(table: bytes) -> list[tuple[int, int, int, int]]:
     return rows
 
 
-def read_state_rows(table: bytes, packet_levels: list[int]) -> list[tuple[int, int, int, int]]:
-    """Level, packet count, vertices and faces of each state, from version 2 on (section 2.1).
+def read_state_rows(table: bytes, packet_levels: list[int]) -> list[Row]:
+    """Level, packet count, vertices and faces of each state, in version 2 (section 2.1).
 
     Raises:
         PacketError: the table is damaged.
@@ -144,34 +154,13 @@ def read_state_rows(table: bytes, packet_levels: list[int]) -> list[tuple[int, i
         level = packet_levels[count - 1]
         if head % 2 == 1:
             level, position = read_number(table, position)
-        added, position = read_number(table, position)
-        more, position = read_number(table, position)
-        vertices += -(added + 1) // 2 if added % 2 == 1 else added // 2
-        surplus += -(more + 1) // 2 if more % 2 == 1 else more // 2
+        added, position = read_signed(table, position)
+        more, position = read_signed(table, position)
+        vertices += added
+        surplus += more
         rows.append((level, count, vertices, 2 * vertices + surplus))
         position += 4  # the distances decode nothing
     return rows
-
-
-def read_number(payload: bytes, position: int) -> tuple[int, int]:
-    """The number in base 128 that begins at `position`, and where it ends.
-
-    Raises:
-        PacketError: it is cut off.
-
-    >>> read_number(bytes([0xAC, 0x02]), 0)
-    (300, 2)
-    """
-    value = digit = 0
-    while True:
-        if position >= len(payload):
-            raise PacketError("a number is cut off", offset=position)
-        byte = payload[position]
-        value |= (byte & 127) << (7 * digit)
-        digit += 1
-        position += 1
-        if byte < 128:  # the high bit says that another digit follows
-            return value, position
 
 
 def split_parts(payload: bytes, count: int) -> list[bytes]:

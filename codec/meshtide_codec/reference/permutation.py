@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from meshtide_codec.reference.container import PERMUTATION, read_number, read_stream
+from meshtide_codec.reference.container import PERMUTATION, read_stream
 from meshtide_codec.reference.models import SIGNED_CONTEXTS, Contexts
+from meshtide_codec.reference.numbers import read_number
 from meshtide_codec.reference.range_decoder import RangeDecoder
 
 

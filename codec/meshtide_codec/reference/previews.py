@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from meshtide_codec.reference.container import read_number, split_parts
+from meshtide_codec.reference.container import split_parts
 from meshtide_codec.reference.diff_decoding import SliceDecoder
+from meshtide_codec.reference.numbers import read_number
 from meshtide_codec.reference.octree import deepened
 from meshtide_codec.reference.reliable_decoding import ReliableDecoder
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshtide_codec.reference.connectivity import decode_faces
-from meshtide_codec.reference.container import read_number, split_parts
+from meshtide_codec.reference.container import split_parts
 from meshtide_codec.reference.map_decoding import decode_map
+from meshtide_codec.reference.numbers import read_number
 from meshtide_codec.reference.octree import Level, deepened, root
 from meshtide_codec.reference.trained_states import geometry_neurons
 

@@ -3,15 +3,15 @@
 The header comes first, so any web server can host the file, a Range request fetches any packet, and a file that is
 cut off is a coarser mesh. `ContainerReader` takes the bytes in pieces of any size, from a disk or from a socket.
 
-===========  =====  ======================================================
+===========  =====  ===================================================================
 bytes        type   content
-===========  =====  ======================================================
+===========  =====  ===================================================================
 0-7          bytes  magic: 0x89 "TIDE" 0x0D 0x0A 0x1A
 8-9          <u2    format version
 10-13        <u4    length of the header
 14-17        <u4    CRC-32 of the header
-18-          bytes  header (msgpack), then the packets, without gaps
-===========  =====  ======================================================
+18-          bytes  header (`packed_header`), then the packets, without gaps
+===========  =====  ===================================================================
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The stream header: everything that a receiver knows before the first packet.
 
-A msgpack map from small integers (`Field`) to values. It holds the quantization, the profile and its options, a
-table of all packets (kind, level, slice, length, CRC-32) and a table of the states that a client can show: after
-how many packets, how many vertices and faces, and how far that mesh is from the finest one.
+It holds the quantization, the profile and its options, a table of all packets (kind, level, slice, length, CRC-32) and
+a table of the states that a client can show: after how many packets, how many vertices and faces, and how far that
+mesh is from the finest one. `packed_header` tells how its bytes are laid out; before format version 3 they were a
+msgpack map from small integers (`Field`) to values.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ import numpy as np
 from meshtide_codec.errors import ContainerError, LimitError, VersionError
 from meshtide_codec.limits import Limits
 from meshtide_codec.quantize import LARGEST_B, SMALLEST_B
-from meshtide_codec.stream import plain_values, tables
+from meshtide_codec.stream import distances, packed_header, plain_values, tables
+from meshtide_codec.stream.packed_header import PlainHeader
 from meshtide_codec.stream.packets import LARGEST_LEVEL, LARGEST_SLICE, Packet, PacketKind
 
 if TYPE_CHECKING:
@@ -27,15 +29,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-FORMAT_VERSION = 2
-"""What this program writes; it reads version 1 too."""
+FORMAT_VERSION = packed_header.VERSION
+"""What this program writes; it reads the versions before it too."""
 LONGEST_NAME = 32
 CHECKSUM_BYTES = 4
-DISTANCE_BYTES = 4
 
 
 class Field(IntEnum):
-    """Keys of the header map."""
+    """Keys of the header map of versions 1 and 2."""
 
     PROFILE = 0
     OPTIONS = 1
@@ -54,6 +55,9 @@ _FIELDS = {
     2: frozenset(int(field) for field in Field if field != Field.DISTANCES),
 }
 
+_SMALL_MAP = 0x80
+"""First byte of a msgpack map of n fields, less n."""
+
 
 @dataclass(frozen=True, slots=True)
 class LevelEntry:
@@ -65,8 +69,8 @@ class LevelEntry:
         vertices: its vertex count.
         faces: its face count.
         rms: root mean square distance from the finest mesh, as a fraction of its bounding box's diagonal;
-            a value of `stored_distance`.
-        maximum: largest distance, in the same unit.
+            a value of `stored_distances`.
+        maximum: largest distance, in the same unit and likewise.
     """
 
     level: int
@@ -171,27 +175,18 @@ class StreamHeader:
 
     def to_bytes(self) -> bytes:
         """The header as it is sent and stored."""
-        states = [(row.level, row.packet_count, row.vertices, row.faces) for row in self.levels]
-        packets = [(int(row.kind), row.level, row.slice, row.length) for row in self.packets]
-        distances = [_pack_distance(row.rms) + _pack_distance(row.maximum) for row in self.levels]
-        fields: dict[int, Any] = {
-            int(Field.PROFILE): self.profile,
-            int(Field.OPTIONS): dict(self.options),
-            int(Field.BITS): self.bits,
-            int(Field.ORIGIN): list(self.origin),
-            int(Field.EXTENT): self.extent,
-        }
-        checksums = b"".join(struct.pack("<I", row.checksum) for row in self.packets)
-        if self.version == 1:
-            fields[int(Field.LEVELS)] = [number for state in states for number in state]
-            fields[int(Field.PACKETS)] = [number for packet in packets for number in packet]
-            fields[int(Field.CHECKSUMS)] = checksums
-            fields[int(Field.DISTANCES)] = b"".join(distances)
-        else:
-            fields[int(Field.LEVELS)] = tables.pack_states(states, distances, [row.level for row in self.packets])
-            fields[int(Field.PACKETS)] = tables.pack_packets(packets)
-            fields[int(Field.CHECKSUMS)] = checksums
-        return plain_values.pack(fields)
+        plain = PlainHeader(
+            profile=self.profile,
+            options=self.options,
+            bits=self.bits,
+            origin=self.origin,
+            extent=self.extent,
+            packets=[(int(row.kind), row.level, row.slice, row.length) for row in self.packets],
+            checksums=[row.checksum for row in self.packets],
+            states=[(row.level, row.packet_count, row.vertices, row.faces) for row in self.levels],
+            distances=[(row.rms, row.maximum) for row in self.levels],
+        )
+        return _pack_map(plain, self.version) if self.version in _FIELDS else packed_header.pack_header(plain)
 
     @classmethod
     def from_bytes(cls, data: bytes | memoryview, limits: Limits | None = None) -> StreamHeader:
@@ -204,36 +199,26 @@ class StreamHeader:
         limits = limits or Limits()
         if len(data) > limits.header_bytes:
             raise LimitError(f"header of {len(data)} bytes; this decoder accepts {limits.header_bytes}")
+        version = version_of(data)
         try:
-            return cls._from_value(plain_values.unpack(data, len(data)), limits)
+            plain = packed_header.unpack_header(bytes(data)) if version == FORMAT_VERSION else _unpack_map(data, limits)
+            return cls._checked(plain, version, limits)
         except plain_values.BadValueError as error:
             raise ContainerError(f"damaged stream header: {error}") from error
 
     @classmethod
-    def _from_value(cls, value: object, limits: Limits) -> StreamHeader:
-        if not isinstance(value, dict) or set(value) not in _FIELDS.values():
-            raise plain_values.BadValueError("its fields are not those of a meshtide stream header")
-        version = next(version for version, fields in _FIELDS.items() if fields == set(value))
-        options = value[Field.OPTIONS]
-        if not isinstance(options, dict) or not all(isinstance(key, str) for key in options):
+    def _checked(cls, plain: PlainHeader, version: int, limits: Limits) -> StreamHeader:
+        if not isinstance(plain.options, dict) or not all(isinstance(key, str) for key in plain.options):
             raise plain_values.BadValueError("options must be a map with string keys")
-        origin = plain_values.array(value[Field.ORIGIN], "origin", 3)
-        packet_numbers, state_numbers, distances = value[Field.PACKETS], value[Field.LEVELS], value.get(Field.DISTANCES)
-        if version > 1:
-            packed = plain_values.binary(packet_numbers, "packet table", limits.header_bytes)
-            packet_numbers = tables.unpack_packets(packed)
-        packets = _read_packets(packet_numbers, value[Field.CHECKSUMS], limits)
-        if version > 1:
-            packed = plain_values.binary(state_numbers, "level table", limits.header_bytes)
-            places = [row.level for row in packets]
-            state_numbers, distances = tables.unpack_states(packed, places, DISTANCE_BYTES)
+        x, y, z = (plain_values.number(value, "origin") for value in plain.origin)
+        packets = _checked_packets(plain, limits)
         return cls(
-            profile=plain_values.text(value[Field.PROFILE], "profile", LONGEST_NAME),
-            options=options,
-            bits=plain_values.integer(value[Field.BITS], "bits per coordinate", SMALLEST_B, LARGEST_B),
-            origin=tuple(plain_values.number(coordinate, "origin") for coordinate in origin),  # type: ignore[arg-type]
-            extent=plain_values.number(value[Field.EXTENT], "extent", 0.0),
-            levels=_read_levels(state_numbers, distances, len(packets), limits),
+            profile=plain_values.text(plain.profile, "profile", LONGEST_NAME),
+            options=plain.options,
+            bits=plain_values.integer(plain.bits, "bits per coordinate", SMALLEST_B, LARGEST_B),
+            origin=(x, y, z),
+            extent=plain_values.number(plain.extent, "extent", 0.0),
+            levels=_checked_levels(plain, len(packets), limits),
             packets=packets,
             version=version,
         )
@@ -241,67 +226,129 @@ class StreamHeader:
 
 def check_version(version: int) -> None:
     """Raise VersionError unless this program reads streams of `version`."""
-    if version not in _FIELDS:
+    if not 1 <= version <= FORMAT_VERSION:
         raise VersionError(
             f"the stream is of format version {version}; this program reads versions 1 to {FORMAT_VERSION}; "
             "a newer meshtide may read it"
         )
 
 
-def version_of(header_bytes: bytes) -> int:
-    """The format version of a header, by how many fields it has; the newest one for bytes that are none."""
-    fields = header_bytes[0] & 0x0F if header_bytes else 0
-    return next((version for version, keys in _FIELDS.items() if len(keys) == fields), FORMAT_VERSION)
+def version_of(header_bytes: bytes | memoryview) -> int:
+    """The format version of a header: its first byte, or told by how many fields the msgpack map has that it is.
+
+    The newest version for bytes that are no header.
+    """
+    first = header_bytes[0] if len(header_bytes) else FORMAT_VERSION
+    return next((version for version, keys in _FIELDS.items() if first == _SMALL_MAP + len(keys)), FORMAT_VERSION)
 
 
-def _read_levels(value: object, distances: object, packet_count: int, limits: Limits) -> tuple[LevelEntry, ...]:
-    numbers = plain_values.array(value, "level table")
-    count, rest = divmod(len(numbers), 4)
-    if rest or not count:
-        raise plain_values.BadValueError(f"the level table has {len(numbers)} numbers, not four a level")
-    if count > limits.levels:
-        raise LimitError(f"the stream claims {count} levels; this decoder accepts {limits.levels} (Limits.levels)")
-    length = DISTANCE_BYTES * count
-    data = plain_values.binary(distances, "level distances", length, length)
-    measured = [_unpack_distance(data[start : start + 2]) for start in range(0, length, 2)]
+def _pack_map(plain: PlainHeader, version: int) -> bytes:
+    """The msgpack map of versions 1 and 2."""
+    halves = [distances.pack_halves(*pair) for pair in plain.distances]
+    fields: dict[int, Any] = {
+        int(Field.PROFILE): plain.profile,
+        int(Field.OPTIONS): dict(plain.options),
+        int(Field.BITS): plain.bits,
+        int(Field.ORIGIN): list(plain.origin),
+        int(Field.EXTENT): plain.extent,
+    }
+    checksums = struct.pack(f"<{len(plain.checksums)}I", *plain.checksums)
+    if version == 1:
+        fields[int(Field.LEVELS)] = [number for state in plain.states for number in state]
+        fields[int(Field.PACKETS)] = [number for packet in plain.packets for number in packet]
+        fields[int(Field.CHECKSUMS)] = checksums
+        fields[int(Field.DISTANCES)] = b"".join(halves)
+    else:
+        levels = [level for _, level, _, _ in plain.packets]
+        fields[int(Field.LEVELS)] = tables.pack_states(plain.states, halves, levels)
+        fields[int(Field.PACKETS)] = tables.pack_packets(plain.packets)
+        fields[int(Field.CHECKSUMS)] = checksums
+    return plain_values.pack(fields)
+
+
+def _unpack_map(data: bytes | memoryview, limits: Limits) -> PlainHeader:
+    """What a header of version 1 or 2 says; only types and lengths are checked.
+
+    Raises:
+        BadValueError: it is not such a map.
+    """
+    value = plain_values.unpack(data, len(data))
+    if not isinstance(value, dict) or set(value) not in _FIELDS.values():
+        raise plain_values.BadValueError("its fields are not those of a meshtide stream header")
+    if Field.DISTANCES in value:
+        packets = _fours(plain_values.array(value[Field.PACKETS], "packet table"), "packet")
+        states = _fours(plain_values.array(value[Field.LEVELS], "level table"), "level")
+        length = distances.HALF_BYTES * len(states)
+        halves = plain_values.binary(value[Field.DISTANCES], "level distances", length, length)
+    else:
+        packed = plain_values.binary(value[Field.PACKETS], "packet table", limits.header_bytes)
+        packets = _fours(tables.unpack_packets(packed), "packet")
+        packed = plain_values.binary(value[Field.LEVELS], "level table", limits.header_bytes)
+        levels = [level for _, level, _, _ in packets]
+        numbers, halves = tables.unpack_states(packed, levels, distances.HALF_BYTES)
+        states = _fours(numbers, "level")
+    length = CHECKSUM_BYTES * len(packets)
+    checksums = plain_values.binary(value[Field.CHECKSUMS], "packet checksums", length, length)
+    return PlainHeader(
+        profile=value[Field.PROFILE],
+        options=value[Field.OPTIONS],
+        bits=value[Field.BITS],
+        origin=plain_values.array(value[Field.ORIGIN], "origin", 3),
+        extent=value[Field.EXTENT],
+        packets=packets,
+        checksums=struct.unpack(f"<{len(packets)}I", checksums),
+        states=states,
+        distances=[
+            distances.unpack_halves(halves[start : start + distances.HALF_BYTES])
+            for start in range(0, len(halves), distances.HALF_BYTES)
+        ],
+    )
+
+
+def _fours(numbers: Sequence[Any], row: str) -> list[tuple[Any, Any, Any, Any]]:
+    if len(numbers) % 4:
+        raise plain_values.BadValueError(f"the {row} table has {len(numbers)} numbers, not four a {row}")
+    return list(zip(numbers[0::4], numbers[1::4], numbers[2::4], numbers[3::4], strict=True))
+
+
+def _checked_levels(plain: PlainHeader, packet_count: int, limits: Limits) -> tuple[LevelEntry, ...]:
+    if len(plain.states) > limits.levels:
+        raise LimitError(
+            f"the stream claims {len(plain.states)} levels; this decoder accepts {limits.levels} (Limits.levels)"
+        )
     levels: list[LevelEntry] = []
-    for i in range(count):
-        level, needed, vertices, faces = numbers[4 * i : 4 * i + 4]
+    for (level, needed, vertices, faces), (rms, maximum) in zip(plain.states, plain.distances, strict=True):
         entry = LevelEntry(
             level=plain_values.integer(level, "level", 0, LARGEST_LEVEL),
             packet_count=plain_values.integer(needed, "packet count", 1, packet_count),
             vertices=plain_values.integer(vertices, "vertex count", 1),
             faces=plain_values.integer(faces, "face count"),
-            rms=plain_values.number(measured[2 * i], "rms distance", 0.0),
-            maximum=plain_values.number(measured[2 * i + 1], "maximum distance", 0.0),
+            rms=plain_values.number(rms, "rms distance", 0.0),
+            maximum=plain_values.number(maximum, "maximum distance", 0.0),
         )
         limits.check_mesh(entry.vertices, entry.faces, level=entry.level)
         if levels and entry.packet_count < levels[-1].packet_count:
             raise plain_values.BadValueError("the level table is not in transmission order")
         levels.append(entry)
-    if levels[-1].level != 0:
+    if not levels or levels[-1].level != 0:
         raise plain_values.BadValueError("the level table does not end with level 0")
     return tuple(levels)
 
 
-def _read_packets(value: object, checksums: object, limits: Limits) -> tuple[PacketEntry, ...]:
-    numbers = plain_values.array(value, "packet table")
-    count, rest = divmod(len(numbers), 4)
-    if rest or not count:
-        raise plain_values.BadValueError(f"the packet table has {len(numbers)} numbers, not four a packet")
+def _checked_packets(plain: PlainHeader, limits: Limits) -> tuple[PacketEntry, ...]:
+    count = len(plain.packets)
+    if count == 0:
+        raise plain_values.BadValueError("the packet table is empty")
     if count > limits.packets:
         raise LimitError(f"the stream claims {count} packets; this decoder accepts {limits.packets} (Limits.packets)")
-    length = CHECKSUM_BYTES * count
-    unpacked = struct.unpack(f"<{count}I", plain_values.binary(checksums, "packet checksums", length, length))
     entries = []
-    for i in range(count):
-        kind, level, part, size = numbers[4 * i : 4 * i + 4]
+    for i, ((kind, level, part, size), checksum) in enumerate(zip(plain.packets, plain.checksums, strict=True)):
         entry = PacketEntry(
             kind=PacketKind(plain_values.integer(kind, "packet kind", 0, max(PacketKind))),
             level=plain_values.integer(level, "packet level", 0, LARGEST_LEVEL),
             slice=plain_values.integer(part, "packet slice", 0, LARGEST_SLICE),
             length=plain_values.integer(size, "packet length"),
-            checksum=unpacked[i],
+            checksum=checksum,
         )
         if entry.length > limits.packet_bytes:
             raise LimitError(
@@ -316,26 +363,3 @@ def _read_packets(value: object, checksums: object, limits: Limits) -> tuple[Pac
 def packet_table(packets: Sequence[Packet]) -> tuple[tuple[PacketEntry, ...], list[bytes]]:
     """The packet table of `packets`, and their bytes."""
     return tuple(PacketEntry.of(packet) for packet in packets), [packet.payload for packet in packets]
-
-
-def stored_distance(distance: float) -> float:
-    """The least distance not below `distance` that a header can hold: a float32 whose lower 16 bits are zero.
-
-    >>> stored_distance(0.1), stored_distance(0.0)
-    (0.10009765625, 0.0)
-    """
-    single = struct.unpack("<I", struct.pack("<f", distance))[0]
-    rounded = single >> 16 << 16
-    value: float = struct.unpack("<f", struct.pack("<I", rounded))[0]
-    if value < distance:
-        value = struct.unpack("<f", struct.pack("<I", rounded + (1 << 16)))[0]
-    return value
-
-
-def _pack_distance(distance: float) -> bytes:
-    return struct.pack("<f", distance)[2:]
-
-
-def _unpack_distance(data: bytes) -> float:
-    value: float = struct.unpack("<f", b"\0\0" + data)[0]
-    return value

@@ -1,4 +1,4 @@
-"""The header's two tables as bytes, from format version 2 on: rows say how they differ from what is to be expected.
+"""The header's two tables as bytes, in format version 2: rows say how they differ from what is to be expected.
 
 A stream of a few kilobytes has a dozen packets and about as many states; written as plain numbers their tables take
 more than its first preview. Packets follow each other level by level and states come after the last packet of their
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from meshtide_codec.stream.coordinates import folded, unfolded
 from meshtide_codec.stream.parts import read_number, write_number
 from meshtide_codec.stream.plain_values import BadValueError
 
@@ -33,7 +34,7 @@ def pack_packets(rows: Sequence[tuple[int, int, int, int]]) -> bytes:
     data = bytearray()
     previous = (0, 0)
     for kind, level, part, length in rows:
-        step = next((step for step, place in _expected(previous).items() if place == (level, part)), ELSEWHERE)
+        step = step_to(previous, (level, part))
         data += write_number(kind + KINDS * step)
         if step == ELSEWHERE:
             data += write_number(level) + write_number(part)
@@ -59,7 +60,7 @@ def unpack_packets(data: bytes) -> list[int]:
             part, position = read_number(data, position)
             previous = level, part
         elif step < ELSEWHERE:
-            previous = _expected(previous)[step]
+            previous = next_place(previous, step)
         else:
             raise BadValueError(f"a packet's row begins with {head}, which is no step")
         length, position = read_number(data, position)
@@ -67,10 +68,19 @@ def unpack_packets(data: bytes) -> list[int]:
     return numbers
 
 
-def _expected(previous: tuple[int, int]) -> dict[int, tuple[int, int]]:
-    """Level and slice of a packet after the one at `previous`, for each step."""
+def next_place(previous: tuple[int, int], step: int) -> tuple[int, int]:
+    """Level and slice of a packet a step after the one at `previous`.
+
+    >>> next_place((5, 2), SAME_LEVEL), next_place((5, 2), NEXT_SLICE), next_place((5, 2), NEXT_LEVEL)
+    ((5, 0), (5, 3), (4, 0))
+    """
     level, part = previous
-    return {SAME_LEVEL: (level, 0), NEXT_SLICE: (level, part + 1), NEXT_LEVEL: (level - 1, 0)}
+    return {SAME_LEVEL: (level, 0), NEXT_SLICE: (level, part + 1), NEXT_LEVEL: (level - 1, 0)}[step]
+
+
+def step_to(previous: tuple[int, int], place: tuple[int, int]) -> int:
+    """The step that leads from one place to another."""
+    return next((step for step in range(ELSEWHERE) if next_place(previous, step) == place), ELSEWHERE)
 
 
 def pack_states(
@@ -90,8 +100,8 @@ def pack_states(
         data += write_number(2 * (count - before[1]) + elsewhere)
         if elsewhere:
             data += write_number(level)
-        data += write_number(_folded(vertices - before[2]))
-        data += write_number(_folded(faces - 2 * vertices - (before[3] - 2 * before[2])))
+        data += write_number(folded(vertices - before[2]))
+        data += write_number(folded(faces - 2 * vertices - (before[3] - 2 * before[2])))
         data += distance
     return bytes(data)
 
@@ -114,8 +124,8 @@ def unpack_states(data: bytes, packet_levels: Sequence[int], distance_bytes: int
         if head & 1:
             level, position = read_number(data, position)
         (added, more), position = _read_two(data, position)
-        vertices += _unfolded(added)
-        surplus += _unfolded(more)
+        vertices += unfolded(added)
+        surplus += unfolded(more)
         numbers += [level, count, vertices, surplus + 2 * vertices]
         if position + distance_bytes > len(data):
             raise BadValueError("the distances of a state are cut off")
@@ -128,16 +138,3 @@ def _read_two(data: bytes, position: int) -> tuple[tuple[int, int], int]:
     first, position = read_number(data, position)
     second, position = read_number(data, position)
     return (first, second), position
-
-
-def _folded(value: int) -> int:
-    """Signed to unsigned: 0, -1, 1, -2, ... become 0, 1, 2, 3, ...
-
-    >>> [_folded(value) for value in (0, -1, 1, -2)]
-    [0, 1, 2, 3]
-    """
-    return 2 * value if value >= 0 else -2 * value - 1
-
-
-def _unfolded(value: int) -> int:
-    return -(value + 1) // 2 if value & 1 else value // 2
