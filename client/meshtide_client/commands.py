@@ -210,62 +210,82 @@ def meshes(
 
 def ingest(
     paths: Annotated[list[Path], typer.Argument(help="Mesh files, .tide files, and folders of them.")],
-    server: Annotated[str, typer.Option(help="Address of the server: http://host:port.")],
+    server: Annotated[str | None, typer.Option(help="Upload to the server at http://host:port.")] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Publish without a server, in this folder: what `serve --data` shows.")
+    ] = None,
+    store: Annotated[
+        str | None, typer.Option(help="Publish without a server, in a folder or s3://bucket/folder; with --database.")
+    ] = None,
+    database: Annotated[
+        str | None,
+        typer.Option(
+            help="Its catalogue: sqlite:///file.db or postgresql://host/name; default: MESHTIDE_DATABASE, which may "
+            "hold a password."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=1024, help="Encode in so many processes here; default: one a processor.")
+    ] = None,
+    distributed: Annotated[
+        str | None, typer.Option(help="Encode on the Dask cluster of the scheduler tcp://host:8786 (extra dask).")
+    ] = None,
     bits: Annotated[
         int | None, typer.Option("-B", "--bits", help="Bits per coordinate; default: the server's.")
     ] = None,
     profile: Annotated[str | None, typer.Option(help="compact or classic; default: the server's.")] = None,
     tag: Annotated[list[str] | None, typer.Option(help="To find them by; may be repeated.")] = None,
     licence: Annotated[str, typer.Option(help="The text of their terms.")] = "",
-    replace: Annotated[bool, typer.Option("--replace", help="Upload again what the server has by its name.")] = False,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Make again what is there by its content, or else by its name.")
+    ] = False,
     parallel: Annotated[int, typer.Option(min=1, max=64, help="Uploads at a time.")] = 4,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Upload meshes to a server, which encodes them.
+    """Put many meshes online: upload them to a server, or encode them here, or on a cluster, into its store.
 
-    What the server has already under the same file name is left alone, so an interrupted upload of many files goes on
-    when the command is repeated. Writing takes a token. Exit code 1 if any file failed.
+    Contents that are there already are left alone, whatever their files are called, so an ingest that was interrupted
+    goes on when the command is repeated. Uploads take a write token. Exit code 1 if any file failed.
 
     Example: MESHTIDE_TOKEN=... meshtide ingest scans/ --server http://localhost:8000
+
+    Example: meshtide ingest scans/ --store s3://bucket/meshes --database postgresql://host/meshes --workers 8
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
     from meshtide_client.credentials import find_token
-    from meshtide_client.ingest import Ingested, mesh_files
     from meshtide_client.ingest import ingest as ingest_files
+    from meshtide_client.ingest_display import ingest_display, print_ingested
+    from meshtide_client.ingest_plan import mesh_files
+    from meshtide_client.store_ingest import ingest_into_store
     from meshtide_codec.command_line import ExitCode
+    from meshtide_codec.errors import OptionError
 
+    into_store = (data, store, database, workers, distributed) != (None,) * 5
+    if into_store == (server is not None):
+        raise OptionError("say where to: --server, or --data, or --store and --database")
     files = mesh_files(paths)
-    given = {"bits": bits, "profile": profile, "tag": tag, "licence": licence or None}
-    columns = (TextColumn("upload and encode"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("files", total=len(files))
-
-        def tell(result: Ingested) -> None:
-            bar.advance(task)
-            if result.state == "failed" and not as_json:
-                bar.console.print(f"{result.file}: {result.error}", style="red", markup=False)
-
-        results = ingest_files(
-            files,
-            server,
-            token=find_token(token_file) if token_file else None,
-            parallel=parallel,
-            timeout=timeout,
-            replace=replace,
-            options={name: value for name, value in given.items() if value is not None},
-            progress=tell,
-        )
-    counts = {state: sum(result.state == state for result in results) for state in ("done", "kept", "failed")}
-    if as_json:
-        rows = [{"file": str(row.file), "mesh": row.mesh, "state": row.state, "error": row.error} for row in results]
-        _print_json({"server": server, **counts, "files": rows})
-    else:
-        typer.echo(f"{counts['done']} uploaded, {counts['kept']} there before, {counts['failed']} failed")
-    if counts["failed"]:
+    with ingest_display(len(files), quiet=as_json) as progress:
+        if server is not None:
+            given = {"bits": bits, "profile": profile, "tag": tag, "licence": licence or None}
+            results = ingest_files(
+                files,
+                server,
+                token=find_token(token_file) if token_file else None,
+                parallel=parallel,
+                timeout=timeout,
+                replace=replace,
+                options={name: value for name, value in given.items() if value is not None},
+                progress=progress,
+            )
+        else:
+            where = {"data": data, "store": store, "database": database, "workers": workers, "scheduler": distributed}
+            how = {"bits": bits, "profile": profile, "tags": tuple(tag or ()), "licence": licence, "patience": timeout}
+            results = ingest_into_store(files, {**where, **how}, replace=replace, progress=progress)
+    place = {"server": server, "data": data, "store": store, "scheduler": distributed}
+    if print_ingested(
+        results, {name: str(value) for name, value in place.items() if value is not None}, as_json=as_json
+    ):
         raise typer.Exit(ExitCode.FAILURE)
 
 

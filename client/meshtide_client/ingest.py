@@ -1,71 +1,43 @@
 """Uploading meshes to a server: several at a time, each one watched until the server has encoded it.
 
-What a server has already, by the name of the file, is left alone unless it is to be replaced; so an upload of many
-files that was interrupted goes on when it is repeated. One that fails is told at the end and stops no other.
+What the server has already, by its content, is left alone unless it is to be replaced; so an upload of many files that
+was interrupted goes on when it is repeated. One that fails is told at the end and stops no other.
 """
 
 from __future__ import annotations
 
 import re
 import time
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, as_completed, wait
+from contextlib import contextmanager
+from threading import Event
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import httpx
 
 from meshtide_client.address import ServerAddress
 from meshtide_client.credentials import authorization, find_token
+from meshtide_client.ingest_plan import Ingested, IngestPlan
 from meshtide_client.listing import list_meshes
 from meshtide_client.problem import read_problem
-from meshtide_codec.errors import MeshtideError, OptionError, ProtocolError, TransferError
-from meshtide_codec.files import is_mesh_path
+from meshtide_codec.errors import MeshtideError, ProtocolError, TransferError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from concurrent.futures import Future
     from pathlib import Path
+
+    from meshtide_client.ingest_plan import Sending
 
 POLL_SECONDS = 0.5
 CHUNK = 1 << 18
 WAITING_SECONDS = 60.0
 """How long a server may ask for patience, all in all, before an upload is given up."""
+LONGEST_PAUSE = 10.0
+READ_AHEAD = 2
+"""Files that are read for their digests and wait for a free thread, for each thread."""
 _JOB = re.compile(r"[A-Za-z0-9-]{1,100}")
-
-
-@dataclass(frozen=True, slots=True)
-class Ingested:
-    """What became of one file.
-
-    Args:
-        file: itself.
-        mesh: id of its mesh, or None if the upload was refused.
-        state: "done", "failed" or "kept" for one that the server had already.
-        error: why it failed.
-    """
-
-    file: Path
-    mesh: str | None
-    state: str
-    error: str | None = None
-
-
-def mesh_files(paths: Sequence[Path]) -> list[Path]:
-    """Mesh files and streams: those that are named, and those in folders that are named, at any depth, sorted.
-
-    Raises:
-        OptionError: one of them is not there, or there are no meshes at all.
-    """
-    found: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            found += sorted(file for file in path.rglob("*") if file.is_file() and _is_hosted(file))
-        elif path.is_file():
-            found.append(path)
-        else:
-            raise OptionError(f"there is no file or folder {path}")
-    if not found:
-        raise OptionError("there are no meshes to upload: no .ply, .obj, .off, .stl, .glb or .tide file")
-    return found
 
 
 def ingest(
@@ -87,7 +59,7 @@ def ingest(
         token: for writing, or None for that of the environment.
         parallel: how many are uploaded at a time.
         timeout: seconds without any news until the connection counts as lost.
-        replace: whether to upload what the server has under the same name already.
+        replace: whether to upload what the server has already; see `IngestPlan`.
         options: query parameters of each upload, such as bits, profile, tag and licence.
         progress: is told of each file that is through.
 
@@ -99,48 +71,80 @@ def ingest(
     """
     server = ServerAddress.parse(url)
     token = token or find_token()
-    there = {row.name for row in list_meshes(url, timeout=timeout, token=token) if row.status != "failed"}
-    kept = {file: Ingested(file, None, "kept") for file in files if not replace and file.name in there}
-    results: dict[Path, Ingested] = dict(kept)
-    for result in kept.values():
+    results: dict[Path, Ingested] = {}
+
+    def tell(result: Ingested) -> None:
+        results[result.file] = result
         progress(result)
+
+    plan = IngestPlan(files, list_meshes(url, timeout=timeout, token=token), replace=replace, tell=tell)
     headers = authorization(token)
-    with (
-        httpx.Client(timeout=timeout, trust_env=not server.is_loopback, headers=headers) as client,
-        ThreadPoolExecutor(parallel, thread_name_prefix="upload") as pool,
-    ):
-        waiting = [
-            pool.submit(_ingest_one, client, server, file, dict(options or {})) for file in files if file not in kept
-        ]
-        for future in as_completed(waiting):
-            result = future.result()
-            results[result.file] = result
-            progress(result)
+    with httpx.Client(timeout=timeout, trust_env=not server.is_loopback, headers=headers) as client:
+        upload = _Upload(client, server, dict(options or {}))
+        with _pool(parallel, upload) as pool:
+            running: set[Future[Ingested]] = set()
+            for sending in plan.to_send():
+                running.add(pool.submit(upload, sending))
+                if len(running) >= READ_AHEAD * parallel:
+                    done, running = wait(running, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        tell(future.result())
+            for future in as_completed(running):
+                tell(future.result())
+    plan.tell_twins(results)
     return [results[file] for file in files]
 
 
-def _ingest_one(client: httpx.Client, server: ServerAddress, file: Path, options: dict[str, Any]) -> Ingested:
-    try:
-        job = _upload(client, server, file, options)
-        while job["state"] not in {"done", "failed"}:
-            time.sleep(POLL_SECONDS)
-            job = _answer(client.get(f"{server}/jobs/{job['id']}"))
-    except httpx.HTTPError as error:
-        return Ingested(file, None, "failed", f"the connection was lost: {error}")
-    except (MeshtideError, OSError) as error:
-        return Ingested(file, None, "failed", str(error))
-    return Ingested(file, job["mesh"], job["state"], job.get("error") if job["state"] == "failed" else None)
+@contextmanager
+def _pool(parallel: int, upload: _Upload) -> Iterator[ThreadPoolExecutor]:
+    """Threads that upload; whoever interrupts them waits for no more than the requests that are under way."""
+    with ThreadPoolExecutor(parallel, thread_name_prefix="upload") as pool:
+        try:
+            yield pool
+        except BaseException:
+            upload.stop.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
-def _upload(client: httpx.Client, server: ServerAddress, file: Path, options: dict[str, Any]) -> dict[str, Any]:
-    """Send the file; one that the server asks to wait with is sent again after a while."""
-    end = time.monotonic() + WAITING_SECONDS
-    while True:
-        response = client.post(server.listing_url, params={"filename": file.name, **options}, content=_pieces(file))
-        pause = response.headers.get("Retry-After", "")
-        if response.status_code != httpx.codes.TOO_MANY_REQUESTS or time.monotonic() > end or not pause.isdigit():
-            return _answer(response)
-        time.sleep(min(float(pause), 10.0))
+class _Upload:
+    """Uploads files, called from several threads."""
+
+    def __init__(self, client: httpx.Client, server: ServerAddress, options: dict[str, Any]) -> None:
+        self._client = client
+        self._server = server
+        self._options = options
+        self.stop = Event()
+
+    def __call__(self, sending: Sending) -> Ingested:
+        """Send a file and wait until the server has encoded it."""
+        file = sending.file
+        try:
+            job = self._send(sending)
+            while job["state"] not in {"done", "failed"}:
+                if self.stop.wait(POLL_SECONDS):
+                    return Ingested(file, job["mesh"], "failed", "interrupted; the server goes on with it")
+                job = _answer(self._client.get(f"{self._server}/jobs/{job['id']}"))
+        except httpx.HTTPError as error:
+            return Ingested(file, None, "failed", f"the connection was lost: {error}")
+        except (MeshtideError, OSError) as error:
+            return Ingested(file, None, "failed", str(error))
+        return Ingested(file, job["mesh"], job["state"], job.get("error") if job["state"] == "failed" else None)
+
+    def _send(self, sending: Sending) -> dict[str, Any]:
+        """Upload; what the server asks to wait with is sent again after a while."""
+        end = time.monotonic() + WAITING_SECONDS
+        method, url = "POST", self._server.listing_url
+        if sending.mesh is not None:
+            method, url = "PUT", f"{self._server.listing_url}/{quote(sending.mesh, safe='')}"
+        params = {"filename": sending.file.name, **self._options}
+        while True:
+            response = self._client.request(method, url, params=params, content=_pieces(sending.file))
+            pause = response.headers.get("Retry-After", "")
+            if response.status_code != httpx.codes.TOO_MANY_REQUESTS or time.monotonic() > end or not pause.isdigit():
+                return _answer(response)
+            if self.stop.wait(min(float(pause), LONGEST_PAUSE)):
+                raise TransferError("interrupted")
 
 
 def _answer(response: httpx.Response) -> dict[str, Any]:
@@ -164,7 +168,3 @@ def _pieces(file: Path) -> Iterator[bytes]:
                 yield piece
     except OSError as error:
         raise TransferError(f"{file} cannot be read: {error.strerror or error}") from error
-
-
-def _is_hosted(file: Path) -> bool:
-    return file.suffix.lower() == ".tide" or (is_mesh_path(file) and file.suffix.lower() != ".gltf")

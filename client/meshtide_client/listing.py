@@ -52,6 +52,7 @@ class HostedMesh:
         created: when it was first published, as ISO 8601 has it.
         updated: when it was last changed.
         box: that holds it: the smallest x, y, z and the largest, once known.
+        source: SHA-256 of the published file that it was made of, in hexadecimal.
     """
 
     id: str
@@ -69,6 +70,7 @@ class HostedMesh:
     created: str | None = None
     updated: str | None = None
     box: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    source: str | None = None
 
 
 class _Answer(NamedTuple):
@@ -226,6 +228,7 @@ def _hosted_mesh(row: Mapping[str, Any]) -> HostedMesh:
         created=optional("created"),
         updated=optional("updated"),
         box=None if row.get("box") is None else (corner("minimum"), corner("maximum")),
+        source=optional("source"),
     )
 
 

@@ -192,6 +192,7 @@ class MeshSummary(BaseModel):
     licence: str | None = Field(None, description="The text of a published mesh's terms.")
     created: datetime | None = Field(None, description="When it was first published.")
     updated: datetime | None = Field(None, description="When it was last changed.")
+    source: str | None = Field(None, description="SHA-256 of the published file that it was made of, in hexadecimal.")
 
     @classmethod
     def of(cls, mesh: HostedMesh) -> MeshSummary:
@@ -213,6 +214,7 @@ class MeshSummary(BaseModel):
             licence=record.licence if record else None,
             created=record.created if record else None,
             updated=record.updated if record else None,
+            source=record.source if record else None,
         )
 
 

@@ -5,26 +5,11 @@ from typing import TYPE_CHECKING
 import httpx
 import pytest
 
-from meshtide_client.ingest import _answer, ingest, mesh_files
-from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
+from meshtide_client.ingest import _answer, ingest
+from meshtide_codec.errors import PeerError, ProtocolError, TransferError
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-
-def test_folders_are_searched_and_files_are_taken_as_they_are_named(tmp_path: Path) -> None:
-    (tmp_path / "deep").mkdir()
-    for name in ("b.obj", "a.ply", "deep/c.tide", "notes.txt", "d.gltf"):
-        (tmp_path / name).write_bytes(b"x")
-    found = [str(file.relative_to(tmp_path)) for file in mesh_files([tmp_path, tmp_path / "notes.txt"])]
-    assert found == ["a.ply", "b.obj", "deep/c.tide", "notes.txt"]
-
-
-def test_nothing_to_upload_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(OptionError, match="no meshes"):
-        mesh_files([tmp_path])
-    with pytest.raises(OptionError, match="there is no file or folder"):
-        mesh_files([tmp_path / "gone"])
 
 
 @pytest.mark.parametrize("answer", [b"", b"[]", b"{}", b'{"id": "../x", "state": "done"}', b'{"id": "a", "state": 3}'])

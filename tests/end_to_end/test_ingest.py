@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
@@ -19,7 +21,6 @@ from upload_server import TOKEN, taking_uploads
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
 BITS = 8
 
@@ -35,6 +36,13 @@ def _scans(tmp_path: Path) -> Path:
 
 def states(url: str) -> dict[str, str]:
     return {row["id"]: row["status"] for row in httpx.get(f"{url}/meshes").json()}
+
+
+def wait_until(fulfilled: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 20
+    while not fulfilled():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 def assert_exact(url: str, size: int) -> None:
@@ -61,7 +69,20 @@ def test_a_folder_is_uploaded_and_repeating_it_uploads_nothing(
             assert_exact(url, size)
         (scans / "broken.obj").unlink()
         ran = meshtide("ingest", scans, "--server", url)
-        assert (ran.returncode, ran.stdout.strip()) == (0, "0 uploaded, 8 there before, 0 failed")
+        assert (ran.returncode, ran.stdout.strip()) == (0, "0 ingested, 8 there before, 0 failed")
+        (scans / "deep").mkdir()
+        save_mesh(grid(13), scans / "deep" / "patch-5.ply")
+        shutil.copy(scans / "patch-5.ply", scans / "deep" / "renamed.ply")
+        ran = meshtide("ingest", scans, "--server", url, "--json")
+        answer = json.loads(ran.stdout)
+        assert (answer["done"], answer["kept"], answer["failed"]) == (1, 9, 0)
+        meshes = {str(Path(row["file"]).relative_to(scans)): row["mesh"] for row in answer["files"]}
+        assert (meshes["deep/patch-5.ply"], meshes["deep/renamed.ply"]) == ("patch-5-ply", "patch-5")
+        save_mesh(grid(4), scans / "patch-6.ply")
+        ran = meshtide("ingest", scans / "patch-6.ply", "--replace", "--bits", BITS, "--server", url)
+        assert (ran.returncode, ran.stdout.strip()) == (0, "1 ingested, 0 there before, 0 failed")
+        wait_until(lambda: httpx.get(f"{url}/meshes/patch-6").json()["levels"][-1]["vertices"] == 16)
+        assert len(states(url)) == 10
         monkeypatch.setenv("MESHTIDE_TOKEN", "another-token-altogether")
         ran = meshtide("ingest", scans / "patch-5.ply", "--replace", "--server", url)
         assert ran.returncode == 1

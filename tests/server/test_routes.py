@@ -60,6 +60,7 @@ async def test_list_of_meshes(client: httpx.AsyncClient) -> None:
             "licence": None,
             "created": None,
             "updated": None,
+            "source": None,
         }
     ]
 

@@ -1,0 +1,115 @@
+"""Encoding one file of a bulk ingest: the one function that is run here and on the machines of a Dask cluster.
+
+It reads nothing but the file and writes nothing at all: the stream is what it returns. So a worker may die at any
+moment and its file be given to another one, workers need no access to store and database, and all that is published
+is published by one process. What a stream takes on its way is small beside the work of making it: about two bytes a
+vertex. The file is checked, read and encoded in a process of its own with limits of memory and time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from meshtide_codec.errors import MeshtideError
+from meshtide_server.bulk_ingest.idle_encoders import encoder_taken
+from meshtide_server.encoder_process import EncodingFailedError, Job
+from meshtide_server.stream_cache import EncodingOptions, codec_digest, file_digest
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from meshtide_server.upload_checks import UploadLimits
+
+ATTEMPTS = 2
+"""How often a file is begun whose encoder's process dies."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileTask:
+    """A file to be encoded.
+
+    Args:
+        path: where it lies for whoever ingests it, and perhaps for whoever encodes it.
+        digest: SHA-256 of its content, in hexadecimal.
+        options: how to encode it.
+        limits: what it may claim.
+        memory: bytes of data that its encoder may have in memory; 0: no limit.
+        seconds: how long it may take.
+        codec: digest of the codec that is to encode it; see `codec_digest`.
+    """
+
+    path: Path
+    digest: str
+    options: EncodingOptions
+    limits: UploadLimits
+    memory: int
+    seconds: float
+    codec: str
+
+
+@dataclass(frozen=True, slots=True)
+class FileOutcome:
+    """What became of a `FileTask`; one of the three.
+
+    Args:
+        stream: the `.tide` file.
+        error: why there is none.
+        elsewhere: there is no such file here; send its content along.
+    """
+
+    stream: bytes | None = None
+    error: str | None = None
+    elsewhere: bool = False
+
+
+async def encode_file(task: FileTask, content: bytes | None = None) -> FileOutcome:
+    """Check a mesh file, read it, encode it. Failures are returned, for what is raised on a cluster is lost in logs.
+
+    Args:
+        task: what to do.
+        content: of the file, for a machine that does not see it.
+    """
+    if task.codec != codec_digest():
+        return FileOutcome(error="the worker has another version of meshtide; install the same one everywhere")
+    try:
+        async with _local_file(task, content) as path:
+            return FileOutcome(elsewhere=True) if path is None else await _encode(task, path)
+    except (MeshtideError, OSError) as error:
+        return FileOutcome(error=str(error))
+
+
+async def _encode(task: FileTask, path: Path) -> FileOutcome:
+    job = Job(path, None, task.digest, task.options, (), task.limits)
+    reason = ""
+    for _ in range(ATTEMPTS):
+        try:
+            async with asyncio.timeout(task.seconds), encoder_taken(task.memory) as encoder:
+                return FileOutcome((await encoder.encode(job, lambda *_: None)).data)
+        except TimeoutError:
+            return FileOutcome(error=f"it took longer than {task.seconds:g} s (MESHTIDE_JOB_SECONDS)")
+        except EncodingFailedError as error:
+            reason = str(error)
+            if not error.by_process:
+                break
+    return FileOutcome(error=reason)
+
+
+@asynccontextmanager
+async def _local_file(task: FileTask, content: bytes | None) -> AsyncIterator[Path | None]:
+    """The file on this machine; None if it is not here, or another one of that name."""
+    if content is None:
+        try:
+            same = await asyncio.to_thread(file_digest, task.path) == task.digest
+        except OSError:
+            same = False
+        yield task.path if same else None
+        return
+    with tempfile.TemporaryDirectory(prefix="meshtide-ingest-") as folder:
+        path = Path(folder) / task.path.name
+        await asyncio.to_thread(path.write_bytes, content)
+        yield path

@@ -1,0 +1,46 @@
+"""Encoding on this machine: several files at a time, each in a process of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from typing import TYPE_CHECKING
+
+from meshtide_server.bulk_ingest.encode_file import encode_file
+from meshtide_server.bulk_ingest.idle_encoders import end_idle_encoders
+
+if TYPE_CHECKING:
+    from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask
+
+
+class LocalWorkers:
+    """Worker processes on this machine.
+
+    Args:
+        count: how many, or None for one a processor.
+    """
+
+    def __init__(self, count: int | None = None) -> None:
+        self._count = count or usable_processors()
+        self._free = asyncio.Semaphore(self._count)
+
+    @property
+    def capacity(self) -> int:
+        """How many files may be under way: as many wait, or are published, as are encoded."""
+        return 2 * self._count
+
+    async def encode(self, task: FileTask) -> FileOutcome:
+        """Encode a file as soon as a worker is free."""
+        async with self._free:
+            return await encode_file(task)
+
+    async def close(self) -> None:
+        """End the processes."""
+        await end_idle_encoders()
+
+
+def usable_processors() -> int:
+    """How many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
