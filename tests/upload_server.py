@@ -16,8 +16,13 @@ TOKEN = "only-for-these-tests-0000"  # noqa: S105 - of servers that the tests st
 
 
 @contextmanager
-def taking_uploads(**settings: str) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """URL and process of a server with TOKEN for writing, and with more environment variables."""
+def taking_uploads(*program: str, **settings: str) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """URL and process of a server with TOKEN for writing, and with more environment variables.
+
+    Args:
+        program: what Python runs, instead of the server as it is.
+        settings: environment variables.
+    """
     environment = {
         **os.environ,
         "MESHTIDE_WRITE_TOKENS": TOKEN,
@@ -26,7 +31,7 @@ def taking_uploads(**settings: str) -> Iterator[tuple[str, subprocess.Popen[byte
         "MESHTIDE_WRITES_PER_MINUTE": "0",
         **settings,
     }
-    command = [sys.executable, "-m", "meshtide_server", "--port", "0", "--announce"]
+    command = [sys.executable, *(program or ("-m", "meshtide_server")), "--port", "0", "--announce"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as process:
         try:
             assert process.stdout is not None

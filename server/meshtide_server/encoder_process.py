@@ -1,7 +1,8 @@
-"""The server's side of the encoder's process: starts it when there is a job, listens to it, ends it.
+"""The server's side of an encoder's process: starts it when there is a job, listens to it, ends it.
 
 One process does one job after the other, so that the encoder is loaded once. If it dies (out of memory, say) that
-job has failed, and the next one starts another process.
+job has failed, and the next one starts another process. It leads a process group of its own, and is ended with all of
+that group: whatever a reader of mesh files may have started goes with it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import os
 import signal
 import sys
 from contextlib import suppress
@@ -29,6 +31,10 @@ logger = logging.getLogger("meshtide.server")
 
 END_SECONDS = 1.0
 """How long the process may take to end when it is told to, before it is killed."""
+PROGRAM = (sys.executable, "-m", "meshtide_server.encoding")
+"""The encoder's command line, without its limits."""
+_OUT_OF_TIME = getattr(signal, "SIGXCPU", None)
+"""The signal that ends a process that has used up its processor time; Windows has none."""
 
 
 class EncodingFailedError(MeshError):
@@ -42,6 +48,19 @@ class EncodingFailedError(MeshError):
     def __init__(self, message: str, *, by_process: bool = False) -> None:
         super().__init__(message)
         self.by_process = by_process
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessLimits:
+    """What the encoder's process may take of the machine; not held on Windows.
+
+    Args:
+        memory: bytes of data; 0: as much as there is.
+        processor_seconds: processor time of one job, that of all its threads together; 0: no limit.
+    """
+
+    memory: int = 0
+    processor_seconds: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,11 +116,11 @@ class EncoderProcess:
     """Encodes meshes in a process of its own, one at a time.
 
     Args:
-        memory: bytes of data that the process may have at most; 0: as much as there is.
+        limits: what the process may take.
     """
 
-    def __init__(self, memory: int = 0) -> None:
-        self._memory = memory
+    def __init__(self, limits: ProcessLimits | None = None) -> None:
+        self._limits = limits or ProcessLimits()
         self._process: Process | None = None
 
     @property
@@ -116,57 +135,64 @@ class EncoderProcess:
             EncodingFailedError: the mesh cannot be encoded.
         """
         process = await self._started()
-        assert process.stdin is not None  # noqa: S101 - it was started with pipes
-        assert process.stdout is not None  # noqa: S101 - the same
         try:
-            process.stdin.write(job.line())
-            await process.stdin.drain()
-            while True:
-                event = await self._next_event(process.stdout)
-                if event["event"] == "progress":
-                    progress(event["stage"], event["fraction"])
-                elif event["event"] == "failed":
-                    raise EncodingFailedError(event["reason"])
-                else:
-                    data = await process.stdout.readexactly(event["bytes"])
-                    return Encoded(Path(event["path"]) if event["path"] else None, data, tuple(event["problems"]))
-        except (OSError, EOFError) as error:
+            return await self._exchange(process, job, progress)
+        except EncodingFailedError:
+            raise  # of this mesh only; the process takes the next one
+        except (OSError, EOFError, ValueError, LookupError) as error:  # it has ended, or says what it must not
             with suppress(TimeoutError):
                 await asyncio.wait_for(process.wait(), END_SECONDS)
             await self.close()
-            message = f"the encoder's process ended early, {_how_it_ended(process)}"
-            raise EncodingFailedError(message, by_process=True) from error
-        except asyncio.CancelledError:
+            raise self._early_end(process) from error
+        except BaseException:
             await self.close()
             raise
 
     async def close(self) -> None:
-        """End the process, and with it the job that it works on."""
+        """End the process, and with it the job that it works on, and all that it has started."""
         process, self._process = self._process, None
         if process is None:
             return
-        with suppress(ProcessLookupError):
-            process.terminate()
         try:
-            await asyncio.wait_for(process.wait(), END_SECONDS)
-        except TimeoutError:
-            with suppress(ProcessLookupError):
-                process.kill()
-            await process.wait()
+            if process.returncode is None:
+                _signal_group(process, signal.SIGTERM)
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(process.wait(), END_SECONDS)
+        finally:
+            # The number of a group is not given to another one as long as any process is in it; with nobody left in
+            # it, the system would have to go round all of its numbers in the moment since the process was waited for.
+            _signal_group(process, getattr(signal, "SIGKILL", signal.SIGTERM))
+        await process.wait()
 
     async def _started(self) -> Process:
         if self._process is None or self._process.returncode is not None:
+            await self.close()  # what a process that ended between two jobs may have left behind
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                "-m",
-                "meshtide_server.encoding",
-                str(self._memory),
+                *PROGRAM,
+                str(self._limits.memory),
+                str(self._limits.processor_seconds),
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
-                start_new_session=True,  # Ctrl-C in a terminal is for the server, which then ends this process
+                # Its own group, to be ended with; and Ctrl-C in a terminal is for the server, which then ends this one.
+                start_new_session=True,
             )
             logger.debug("started the encoder's process, %d", self._process.pid)
         return self._process
+
+    async def _exchange(self, process: Process, job: Job, progress: Callable[[str, float], None]) -> Encoded:
+        assert process.stdin is not None  # noqa: S101 - it was started with pipes
+        assert process.stdout is not None  # noqa: S101 - the same
+        process.stdin.write(job.line())
+        await process.stdin.drain()
+        while True:
+            event = await self._next_event(process.stdout)
+            if event["event"] == "progress":
+                progress(event["stage"], event["fraction"])
+            elif event["event"] == "failed":
+                raise EncodingFailedError(event["reason"])
+            else:
+                data = await process.stdout.readexactly(event["bytes"])
+                return Encoded(Path(event["path"]) if event["path"] else None, data, tuple(event["problems"]))
 
     @staticmethod
     async def _next_event(output: asyncio.StreamReader) -> dict[str, Any]:
@@ -175,6 +201,21 @@ class EncoderProcess:
             raise EOFError
         event: dict[str, Any] = json.loads(line)
         return event
+
+    def _early_end(self, process: Process) -> EncodingFailedError:
+        """What is told of a process that ended by itself; only one that ran out of time would do so again."""
+        if _OUT_OF_TIME is not None and process.returncode == -_OUT_OF_TIME:
+            return EncodingFailedError(f"it took more than {self._limits.processor_seconds} s of processor time")
+        return EncodingFailedError(f"the encoder's process ended early, {_how_it_ended(process)}", by_process=True)
+
+
+def _signal_group(process: Process, number: signal.Signals) -> None:
+    """Send a signal to a process and to all that it has started."""
+    with suppress(ProcessLookupError, PermissionError):  # macOS: nobody but a process that has ended is left
+        if sys.platform == "win32":
+            process.send_signal(number)
+        else:
+            os.killpg(process.pid, number)
 
 
 def _how_it_ended(process: Process) -> str:

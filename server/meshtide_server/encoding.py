@@ -2,19 +2,23 @@
 
 It is a process of its own because encoding keeps a processor busy for seconds and compiles kernels, while the server
 has to answer; because it can be ended at any time; and because a mesh that brings it down brings nothing else down.
-Run by `encoder_process` as `python -m meshtide_server.encoding BYTES`, BYTES of data being all that it may have, 0 for
-no limit. Both directions are lines of JSON; the line of a
-stream that could be stored nowhere is followed by its bytes.
+Run by `encoder_process` as `python -m meshtide_server.encoding BYTES SECONDS`: BYTES of data are all that it may have,
+SECONDS of processor time all that a job may take, 0 standing for no limit. The system holds it to both, also when the
+server that could end it is gone. Both directions are lines of JSON; the line of a stream that could be stored nowhere
+is followed by its bytes.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import time
 import traceback
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 if TYPE_CHECKING:
@@ -24,6 +28,8 @@ REPORT_SECONDS = 0.1
 """Progress is reported at most this often, unless a stage begins."""
 NICENESS = 10
 """How far encoding steps back behind serving where processors are scarce."""
+LONGEST_REASON = 2000
+"""Characters of a reason for a failure; a library's message may quote all of a file."""
 
 
 class Reporter:
@@ -48,26 +54,51 @@ class Reporter:
 
 
 def main() -> None:
-    """Do jobs until standard input ends."""
+    """Do jobs until standard input ends, and with it, whatever is being done."""
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints must not end up among the reports
     if hasattr(os, "nice"):
         os.nice(NICENESS)
-    _limit_memory(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
+    memory, processor_seconds = (int(word) for word in sys.argv[1:])
+    limit_memory(memory)
     reporter = Reporter(output)
+    jobs: SimpleQueue[bytes] = SimpleQueue()
+    Thread(target=_take_jobs, args=(jobs,), daemon=True).start()
     try:
-        for line in sys.stdin.buffer:
-            _work(json.loads(line), reporter)
+        while True:
+            job = json.loads(jobs.get())
+            limit_processor_time(processor_seconds)
+            _work(job, reporter)
     except BrokenPipeError:
-        os._exit(1)  # the server is gone; nobody is left to tell
+        os._exit(0)  # see _take_jobs
 
 
-def _limit_memory(size: int) -> None:
+def _take_jobs(jobs: SimpleQueue[bytes]) -> None:
+    """Read jobs ahead, to see at once when the server is gone, and nobody is left to tell."""
+    for line in sys.stdin.buffer:
+        jobs.put(line)
+    os._exit(0)
+
+
+def limit_memory(size: int) -> None:
     """Have allocations fail beyond `size` bytes of data, so that a hostile file cannot take the machine's memory."""
-    if size and sys.platform != "win32":
+    if sys.platform != "win32":
         import resource  # noqa: PLC0415 - not on every platform
 
-        resource.setrlimit(resource.RLIMIT_DATA, (size, size))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a copy of that memory on the disk would help nobody
+        if size:
+            resource.setrlimit(resource.RLIMIT_DATA, (size, size))
+
+
+def limit_processor_time(seconds: int) -> None:
+    """Have this process killed by SIGXCPU when it has used so much more processor time than it has now."""
+    if seconds and sys.platform != "win32":
+        import resource  # noqa: PLC0415 - not on every platform
+
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+        limit = math.ceil(used.ru_utime + used.ru_stime) + seconds
+        resource.setrlimit(resource.RLIMIT_CPU, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
 
 
 def _work(job: dict[str, Any], reporter: Reporter) -> None:
@@ -77,7 +108,7 @@ def _work(job: dict[str, Any], reporter: Reporter) -> None:
     except BrokenPipeError:
         raise
     except Exception as error:  # noqa: BLE001 - one bad mesh must not stop the others
-        reporter.send({"event": "failed", "reason": _reason(error)})
+        reporter.send({"event": "failed", "reason": _reason(error)[:LONGEST_REASON]})
         return
     rest = b"" if path else data
     reporter.send(

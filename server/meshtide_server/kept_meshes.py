@@ -19,6 +19,7 @@ from meshtide_codec.errors import MeshtideError
 from meshtide_codec.stream.header import StreamHeader
 from meshtide_server.catalogue import MeshQuery, MeshState
 from meshtide_server.catalogue.meshes import LARGEST_PAGE
+from meshtide_server.catalogue.rows import now
 from meshtide_server.hosted_mesh import HostedMesh, Source
 from meshtide_server.hosted_stream import HostedStream
 from meshtide_server.packet_index import PacketIndex
@@ -55,6 +56,8 @@ class KeptMeshes:
         self.packets = PacketIndex()
         """The packets of their streams, which it knows by SHA-256."""
         self._swept = False
+        self._refreshing = asyncio.Lock()
+        self._refreshed: datetime | None = None
 
     @property
     def meshes(self) -> dict[str, HostedMesh]:
@@ -67,6 +70,21 @@ class KeptMeshes:
         Raises:
             DatabaseUnavailableError: the catalogue does not answer; nothing was changed.
         """
+        async with self._refreshing:  # what one has read must not hide what a later one has
+            begun = now()
+            await self._refresh()
+            self._refreshed = begun
+
+    async def refresh_since(self, moment: datetime) -> None:
+        """Bring the meshes to what the catalogue knew at `moment`, or later.
+
+        Raises:
+            DatabaseUnavailableError: the catalogue does not answer; nothing was changed.
+        """
+        if self._refreshed is None or self._refreshed <= moment:
+            await self.refresh()
+
+    async def _refresh(self) -> None:
         records = await self._records()
         meshes: dict[str, HostedMesh] = {}
         for record in records:

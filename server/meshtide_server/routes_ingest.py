@@ -245,8 +245,8 @@ async def _events(request: Request, job: Job) -> AsyncIterator[str]:
             return
         await asyncio.sleep(EVENT_SECONDS)
         try:
-            job = await _kept(request).catalogue.jobs.get(job.id)
-        except UnknownJobError:
+            job = await _job(request, job.id)
+        except RefusedError:
             yield "event: gone\ndata: {}\n\n"
             return
 
@@ -264,10 +264,15 @@ def _options(request: Request, bits: int | None, profile: Profile | None) -> dic
 
 
 async def _job(request: Request, job_id: str) -> Job:
+    """The job; when it is done, this server shows its mesh."""
+    kept = _kept(request)
     try:
-        return await _kept(request).catalogue.jobs.get(job_id)
+        job = await kept.catalogue.jobs.get(job_id)
     except UnknownJobError as error:
         raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-job", f"there is no job {job_id[:64]!r}") from error
+    if job.state == JobState.DONE and job.finished is not None:
+        await kept.refresh_since(job.finished)
+    return job
 
 
 def _refuse_folder_mesh(request: Request, mesh_id: str) -> None:

@@ -5,7 +5,9 @@ Every field has an environment variable of its name in capitals, such as MESHTID
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from ipaddress import ip_network
 from pathlib import Path  # noqa: TC003 - pydantic reads the annotations
 from typing import Annotated, Literal, Self
@@ -21,6 +23,8 @@ Profile = Literal["compact", "classic"]
 Networks = Annotated[tuple[str, ...], NoDecode]
 Tokens = Annotated[tuple[SecretStr, ...], NoDecode]
 LogLevel = Literal["debug", "info", "warning", "error"]
+MOST_PROCESSES = 8
+"""Encoder processes that a server starts without being told how many; each may take the memory of a large mesh."""
 SMALLEST_RATE = 16 * 1024
 """Bytes a second: the largest message takes 16 s at this rate."""
 _NAME = re.compile(r"[A-Za-z0-9-]+")
@@ -128,7 +132,17 @@ class Settings(BaseSettings):
     max_decode_memory: int = Field(
         default=1 << 34, ge=1, description="Bytes of memory, by estimate, that decoding an uploaded mesh may take."
     )
+    job_processes: int = Field(
+        default=0,
+        ge=0,
+        le=256,
+        description="Uploads that are encoded at a time, each in a process of its own; 0: as many as there are "
+        f"processors, {MOST_PROCESSES} at most.",
+    )
     job_seconds: float = Field(default=3600.0, gt=0.0, description="Seconds that encoding an upload may take.")
+    job_processor_seconds: int = Field(
+        default=7200, ge=0, description="Seconds of processor time that encoding an upload may take; 0: no limit."
+    )
     job_lost_seconds: float = Field(
         default=20.0, ge=1.0, description="Seconds after which a job is tried again whose server is not heard of."
     )
@@ -222,6 +236,11 @@ class Settings(BaseSettings):
         return self
 
     @property
+    def encoder_processes(self) -> int:
+        """How many uploads are encoded at a time."""
+        return self.job_processes or min(_processors(), MOST_PROCESSES)
+
+    @property
     def keeps_meshes(self) -> bool:
         """Whether there is a place to keep meshes that are published here."""
         return self.data is not None or self.store is not None
@@ -243,3 +262,10 @@ class Settings(BaseSettings):
         if self.data is None:
             raise ValueError("there is no place to keep meshes; set data, or store and database")
         return self.data.resolve()
+
+
+def _processors() -> int:
+    """Processors that this process may use, which may be fewer than the machine has."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -113,12 +113,47 @@ async def test_jobs_go_with_their_meshes(catalogue: Catalogue) -> None:
 
 
 async def test_a_mesh_is_replaced_only_on_demand(catalogue: Catalogue) -> None:
-    await queued(catalogue)
+    first = await queued(catalogue)
+    await catalogue.jobs.claim("me")
     with pytest.raises(MeshExistsError):
         await queued(catalogue)
     await catalogue.add_with_job(MeshRecord("a", "new"), "sources/b.obj", {}, replace=True)
     assert (await catalogue.meshes.get("a")).name == "new"
     assert len(await catalogue.jobs.list(mesh_id="a")) == 2
+    replaced = await catalogue.jobs.get(first.id)
+    assert (replaced.state, replaced.error) == (JobState.FAILED, "a later upload under the same id replaced it")
+    assert not await catalogue.jobs.heartbeat(first.id, "me", "levels", 0.5)
+    claimed = await catalogue.jobs.claim("me")
+    assert claimed is not None
+    assert claimed.source_key == "sources/b.obj"
+    assert (await catalogue.meshes.get("a")).state == MeshState.ENCODING
+
+
+async def test_jobs_for_one_file_wait_for_each_other(catalogue: Catalogue) -> None:
+    for mesh_id, bits in (("a", 12), ("b", 12), ("c", 10)):
+        await catalogue.add_with_job(MeshRecord(mesh_id, mesh_id), "sources/same.obj", {"bits": bits})
+    claimed = [await catalogue.jobs.claim("me") for _ in range(3)]
+    assert [job and job.mesh_id for job in claimed] == ["a", "c", None]
+    assert claimed[0] is not None
+    assert await catalogue.jobs.finish(claimed[0].id, "me")
+    twin = await catalogue.jobs.claim("you")
+    assert twin is not None
+    assert twin.mesh_id == "b"
+
+
+async def test_an_owner_who_ends_hands_back_all_its_jobs(catalogue: Catalogue) -> None:
+    for mesh_id in "abc":
+        await queued(catalogue, mesh_id)
+    mine = [await catalogue.jobs.claim("me") for _ in range(2)]
+    other = await catalogue.jobs.claim("you")
+    assert other is not None
+    assert await catalogue.jobs.hand_back_all("me") == len(mine)
+    assert await catalogue.jobs.hand_back_all("me") == 0
+    assert (await catalogue.jobs.get(other.id)).state == JobState.RUNNING
+    for job in mine:
+        assert job is not None
+        back = await catalogue.jobs.get(job.id)
+        assert (back.state, back.attempts, back.owner) == (JobState.QUEUED, 0, None)
 
 
 async def test_concurrent_claimers_share_the_jobs(catalogue: Catalogue) -> None:

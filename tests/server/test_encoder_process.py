@@ -4,19 +4,23 @@ import json
 import os
 import signal
 import struct
+import sys
+import time
 from collections.abc import AsyncIterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import psutil
 import pytest
 
 from meshtide_codec.stream.container import read_container
-from meshtide_server.encoder_process import EncoderProcess, EncodingFailedError, Job
+from meshtide_server.encoder_process import EncoderProcess, EncodingFailedError, Job, ProcessLimits
 from meshtide_server.stream_cache import EncodingOptions, file_digest
 from meshtide_server.upload_checks import UploadLimits
 
 OPTIONS = EncodingOptions(bits=9)
+FAULTY = (sys.executable, str(Path(__file__).with_name("faulty_encoder.py")))
 
 
 @pytest.fixture
@@ -86,7 +90,7 @@ async def test_a_file_that_wants_more_memory_than_a_job_may_have_costs_one_job(
     chunk = struct.pack("<I4s", len(text), b"JSON") + text
     greedy.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunk)) + chunk)
     good.write_text(tetrahedron)
-    encoder = EncoderProcess(memory=2 << 30)
+    encoder = EncoderProcess(ProcessLimits(memory=2 << 30))
     try:
         with pytest.raises(EncodingFailedError, match="does not fit into memory"):
             await encoder.encode(job(greedy, tmp_path / "greedy.tide"), quiet)
@@ -158,3 +162,102 @@ async def test_a_cancelled_job_ends_the_process(encoder: EncoderProcess, tmp_pat
         await task
     assert not encoder.running
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.obj"]
+
+
+@pytest.fixture
+def faulty(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("meshtide_server.encoder_process.PROGRAM", FAULTY)
+
+
+def job_named(folder: Path, name: str) -> Job:
+    """A job in which the faulty encoder does what the name says."""
+    file = folder / f"{name}.obj"
+    file.write_text("v 0 0 0")
+    return job(file, folder / f"{name}.tide")
+
+
+def gone(pid: int, seconds: float = 10.0) -> bool:
+    """Whether a process ends within that time."""
+    deadline = time.monotonic() + seconds
+    while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+@pytest.mark.usefixtures("faulty")
+async def test_a_job_that_uses_up_its_processor_time_fails_for_good(tmp_path: Path) -> None:
+    encoder = EncoderProcess(ProcessLimits(processor_seconds=1))
+    try:
+        with pytest.raises(EncodingFailedError, match="took more than 1 s of processor time") as failure:
+            await encoder.encode(job_named(tmp_path, "spin"), quiet)
+        assert not failure.value.by_process
+        assert not encoder.running
+        pids = set()
+        for turn in range(4):  # four times 0.6 s: what counts is the time of each
+            assert (await encoder.encode(job_named(tmp_path, f"burn-{turn}"), quiet)).path is not None
+            assert encoder._process is not None
+            pids.add(encoder._process.pid)
+        assert len(pids) == 1
+    finally:
+        await encoder.close()
+
+
+@pytest.mark.usefixtures("faulty")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("die", "with exit code 3"), ("crash", "killed by SIGSEGV"), ("garbage", "killed by SIGTERM")],
+)
+async def test_a_process_that_ends_or_talks_nonsense_may_do_better_next_time(
+    encoder: EncoderProcess, tmp_path: Path, name: str, message: str
+) -> None:
+    with pytest.raises(EncodingFailedError, match=f"ended early, {message}") as failure:
+        await encoder.encode(job_named(tmp_path, name), quiet)
+    assert failure.value.by_process
+    assert not encoder.running
+    assert (await encoder.encode(job_named(tmp_path, "quick"), quiet)).path == tmp_path / "quick.tide"
+
+
+@pytest.mark.usefixtures("faulty")
+async def test_a_long_reason_is_cut_and_the_process_goes_on(encoder: EncoderProcess, tmp_path: Path) -> None:
+    with pytest.raises(EncodingFailedError, match="^(no )+") as failure:
+        await encoder.encode(job_named(tmp_path, "wordy"), quiet)
+    assert len(str(failure.value)) == 2000
+    assert encoder.running
+    assert (await encoder.encode(job_named(tmp_path, "quick"), quiet)).path == tmp_path / "quick.tide"
+
+
+@pytest.mark.usefixtures("faulty")
+async def test_a_process_ends_in_the_middle_of_a_job_when_its_server_is_gone(
+    encoder: EncoderProcess, tmp_path: Path
+) -> None:
+    def leave(*_: object) -> None:
+        assert encoder._process is not None
+        assert encoder._process.stdin is not None
+        encoder._process.stdin.close()
+
+    with pytest.raises(EncodingFailedError, match="ended early, with exit code 0"):
+        await encoder.encode(job_named(tmp_path, "sleep"), leave)
+
+
+@pytest.mark.usefixtures("faulty")
+async def test_what_a_process_has_started_ends_with_it(encoder: EncoderProcess, tmp_path: Path) -> None:
+    children: list[int] = []
+    begun = asyncio.Event()
+
+    def note(stage: str, _: float) -> None:
+        children.append(int(stage.removeprefix("child ")))
+        begun.set()
+
+    with pytest.raises(EncodingFailedError, match="ended early, with exit code 0"):
+        await encoder.encode(job_named(tmp_path, "orphan"), note)
+    begun.clear()
+    task = asyncio.create_task(encoder.encode(job_named(tmp_path, "parent"), note))
+    await asyncio.wait_for(begun.wait(), 30)
+    assert psutil.pid_exists(children[1])
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert [gone(child) for child in children] == [True, True]
+    assert not encoder.running

@@ -9,7 +9,7 @@ from sqlalchemy import delete, select, text
 
 from meshtide_server.catalogue.database import Database
 from meshtide_server.catalogue.errors import UnknownMeshError
-from meshtide_server.catalogue.jobs import Jobs, enqueue_job, finish_job
+from meshtide_server.catalogue.jobs import Jobs, end_earlier_jobs, enqueue_job, finish_job
 from meshtide_server.catalogue.meshes import Meshes, add_mesh, get_mesh, put_mesh
 from meshtide_server.catalogue.migrations import migrate
 from meshtide_server.catalogue.streams import (
@@ -80,6 +80,8 @@ class Catalogue:
     ) -> tuple[MeshRecord, Job]:
         """Add a mesh and the job that makes its stream, in one transaction.
 
+        Earlier jobs of a mesh that is replaced end with this, so that none of them can replace the later one.
+
         Args:
             mesh: with state ENCODING.
             source_key: the uploaded file in the store.
@@ -91,6 +93,7 @@ class Catalogue:
         """
         async with self._database.writing() as connection:
             record = await (put_mesh if replace else add_mesh)(connection, mesh)
+            await end_earlier_jobs(connection, record.id)
             return record, await enqueue_job(connection, record.id, source_key, options)
 
     async def register(

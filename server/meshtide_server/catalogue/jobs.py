@@ -13,7 +13,7 @@ import json
 import uuid
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import and_, func, insert, select, update
+from sqlalchemy import and_, exists, func, insert, select, update
 
 from meshtide_server.catalogue.errors import UnknownJobError
 from meshtide_server.catalogue.meshes import fail_mesh, get_mesh, micros, moment
@@ -31,6 +31,14 @@ if TYPE_CHECKING:
 
 ATTEMPTS = 2
 """How often a job is begun at most."""
+_NOT_BEGUN: dict[str, Any] = {
+    "state": JobState.QUEUED.value,
+    "attempts": job_table.c.attempts - 1,
+    "owner": None,
+    "heartbeat": None,
+    "stage": "waiting",
+    "progress": 0.0,
+}
 
 
 class Jobs:
@@ -91,12 +99,17 @@ class Jobs:
     async def claim(self, owner: str) -> Job | None:
         """Take the job that has waited longest; nobody else gets it. None if none waits.
 
+        A job for the same file with the same options as one that runs waits for it: its stream will serve both.
+
         Args:
             owner: who takes it, a name that no other worker has.
         """
+        twin = job_table.alias()
+        running = and_(twin.c.state == JobState.RUNNING.value, twin.c.source_key == job_table.c.source_key)
         waiting = (
             select(job_table.c.id)
             .where(job_table.c.state == JobState.QUEUED.value)
+            .where(~exists().where(and_(running, twin.c.options == job_table.c.options)))
             .order_by(job_table.c.created, job_table.c.id)
             .limit(1)
             .with_for_update(skip_locked=True)
@@ -158,16 +171,18 @@ class Jobs:
         Returns:
             Whether it was the owner's; if not, nothing was noted.
         """
-        values = {
-            "state": JobState.QUEUED.value,
-            "attempts": job_table.c.attempts - 1,
-            "owner": None,
-            "heartbeat": None,
-            "stage": "waiting",
-            "progress": 0.0,
-        }
         async with self._database.writing() as connection:
-            return await _update_owned(connection, job_id, owner, values)
+            return await _update_owned(connection, job_id, owner, _NOT_BEGUN)
+
+    async def hand_back_all(self, owner: str) -> int:
+        """Queue all jobs again of an owner who ends; these attempts do not count.
+
+        Returns:
+            How many there were.
+        """
+        async with self._database.writing() as connection:
+            statement = update(job_table).where(_owned_by(owner)).values(**_NOT_BEGUN)
+            return (await connection.execute(statement)).rowcount
 
     async def release_lost(self, older_than: timedelta) -> Sequence[Job]:
         """Take jobs from owners that were not heard of for so long; they are queued again, or have failed.
@@ -208,6 +223,19 @@ async def enqueue_job(
     }
     await connection.execute(insert(job_table).values(**row))
     return await _get(connection, job_id)
+
+
+async def end_earlier_jobs(connection: AsyncConnection, mesh_id: str) -> None:
+    """End within a transaction what is queued or runs for a mesh: a later upload takes its place."""
+    unfinished = job_table.c.state.in_([JobState.QUEUED.value, JobState.RUNNING.value])
+    values = {
+        "state": JobState.FAILED.value,
+        "owner": None,
+        "stage": "failed",
+        "error": "a later upload under the same id replaced it",
+        "finished": micros(now()),
+    }
+    await connection.execute(update(job_table).where(job_table.c.mesh_id == mesh_id, unfinished).values(**values))
 
 
 async def finish_job(connection: AsyncConnection, job_id: str, owner: str) -> bool:

@@ -1,0 +1,199 @@
+"""One attempt at a job: the upload is fetched, encoded, and published, and whatever happens is noted in the catalogue.
+
+Three sorts of failure are told apart. What is wrong with the upload, such as a file that is no mesh or takes longer
+than a job may, fails the job for good. What may have been an accident, such as a process that died, is tried once more.
+A fault of the server, such as a store that does not answer, is logged and counted as one; as long as the store is
+away, the job goes back to the queue as if it had not been begun, so that no upload is lost by it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from meshtide_codec.errors import MeshtideError
+from meshtide_codec.limits import Limits
+from meshtide_server import metrics
+from meshtide_server.catalogue import DatabaseUnavailableError, JobState, MeshState, UnknownMeshError
+from meshtide_server.encoder_process import EncodingFailedError
+from meshtide_server.encoder_process import Job as EncoderJob
+from meshtide_server.hosted_mesh import TIDE_SUFFIX
+from meshtide_server.metrics import JobOutcome
+from meshtide_server.publishing import Publication, publish
+from meshtide_server.readiness import CHECK_SECONDS, check_store
+from meshtide_server.store import StoreError, stream_key
+from meshtide_server.stream_cache import EncodingOptions, file_digest
+from meshtide_server.upload_checks import UploadLimits
+
+if TYPE_CHECKING:
+    from meshtide_server.catalogue import Job, MeshRecord
+    from meshtide_server.encoder_process import EncoderProcess
+    from meshtide_server.kept_meshes import KeptMeshes
+    from meshtide_server.settings import Settings
+
+logger = logging.getLogger("meshtide.server")
+
+CHUNK = 1 << 22
+"""Bytes of an upload that are fetched from the store at a time."""
+HEARTBEATS = 8
+"""Heartbeats within the time after which a job counts as lost."""
+REST_SECONDS = 5.0
+"""How long nothing is begun in the place of a job that went back to the queue because the store is away."""
+
+
+class JobAttempt:
+    """An attempt at a job that this server has claimed.
+
+    Args:
+        job: the job.
+        owner: who claimed it.
+        kept: store and catalogue.
+        settings: limits of a job.
+    """
+
+    def __init__(self, job: Job, owner: str, kept: KeptMeshes, settings: Settings) -> None:
+        self._job = job
+        self._owner = owner
+        self._kept = kept
+        self._settings = settings
+        self._stage = ("starting", 0.0)
+        self._lost = False
+
+    async def run(self, encoder: EncoderProcess) -> None:
+        """Work until the job has ended one way or another; if this is cancelled, it is still the owner's."""
+        metrics.job_started()
+        started = time.monotonic()
+        outcome = JobOutcome.RELEASED
+        work = asyncio.create_task(self._work(encoder), name=f"job {self._job.id}")
+        heart = asyncio.create_task(self._beat(work), name=f"heartbeat of job {self._job.id}")
+        try:
+            outcome = await self._judged(work)
+        except DatabaseUnavailableError as error:
+            metrics.fault("catalogue")
+            logger.warning("job %s will be released, how it ended cannot be noted: %s", self._job.id, error)
+        finally:
+            heart.cancel()
+            metrics.job_ended(outcome, time.monotonic() - started)
+
+    async def _judged(self, work: asyncio.Task[None]) -> JobOutcome:
+        """Wait for the work; whatever comes of it is noted."""
+        seconds = self._settings.job_seconds
+        limit = asyncio.timeout(seconds)
+        try:
+            async with limit:
+                await work
+        except asyncio.CancelledError:
+            if not self._lost:
+                raise
+            logger.warning("job %s was released or replaced, and its work here ended", self._job.id)
+            return JobOutcome.RELEASED
+        except UnknownMeshError:
+            logger.info("job %s is not wanted any more", self._job.id)
+            return JobOutcome.RELEASED
+        except EncodingFailedError as error:
+            return await self._failed(str(error), retry=error.by_process)
+        except (StoreError, DatabaseUnavailableError, OSError) as error:
+            if limit.expired():
+                return await self._failed(f"it took longer than {seconds:g} s", retry=False)
+            return await self._at_fault(error)
+        except MeshtideError as error:
+            return await self._failed(str(error), retry=False)
+        except Exception as error:  # one job must not end the work on all others
+            logger.exception("while job %s of mesh %s was worked on", self._job.id, self._job.mesh_id)
+            metrics.fault("jobs")
+            return await self._failed(f"internal error: {type(error).__name__}", retry=True)
+        return JobOutcome.DONE
+
+    async def _failed(self, reason: str, *, retry: bool) -> JobOutcome:
+        after = await self._kept.catalogue.jobs.fail(self._job.id, self._owner, reason, retry=retry)
+        logger.warning("job %s of mesh %s failed: %s", self._job.id, self._job.mesh_id, reason)
+        if after is None:
+            return JobOutcome.RELEASED
+        return JobOutcome.FAILED if after.state == JobState.FAILED else JobOutcome.RETRIED
+
+    async def _at_fault(self, error: Exception) -> JobOutcome:
+        """Something of the server's own did not work; if it is the store, the job waits until it does."""
+        faults: dict[type[Exception], str] = {StoreError: "store", DatabaseUnavailableError: "catalogue"}
+        part = next((part for kind, part in faults.items() if isinstance(error, kind)), "jobs")
+        reason = f"a fault of the server, {type(error).__name__}: {error}".removesuffix(": ")
+        metrics.fault(part)
+        logger.error("job %s of mesh %s met %s", self._job.id, self._job.mesh_id, reason)
+        try:
+            async with asyncio.timeout(CHECK_SECONDS):
+                await check_store(self._kept.store)
+        except (StoreError, OSError):
+            await self._kept.catalogue.jobs.hand_back(self._job.id, self._owner)
+            await asyncio.sleep(REST_SECONDS)
+            return JobOutcome.RELEASED
+        return await self._failed(reason, retry=True)
+
+    async def _beat(self, work: asyncio.Task[None]) -> None:
+        """Tell the catalogue again and again how far the job is; end the work if it is not this server's any more."""
+        while True:
+            with suppress(MeshtideError):  # a database that is away for a moment misses a beat
+                if not await self._kept.catalogue.jobs.heartbeat(self._job.id, self._owner, *self._stage):
+                    self._lost = True
+                    work.cancel()
+                    return
+            await asyncio.sleep(self._settings.job_lost_seconds / HEARTBEATS)
+
+    async def _work(self, encoder: EncoderProcess) -> None:
+        """Encode what the job names, unless the same was encoded before, and publish it."""
+        catalogue, store = self._kept.catalogue, self._kept.store
+        mesh = await catalogue.meshes.get(self._job.mesh_id)
+        suffix = PurePosixPath(self._job.source_key).suffix
+        with tempfile.TemporaryDirectory(prefix="meshtide-job-") as folder:
+            source = Path(folder) / f"{mesh.id}{suffix}"
+            stream: Path | bytes | None = None if suffix == TIDE_SUFFIX else await self._encoded_before(mesh)
+            if stream is None:
+                self._stage = ("read the upload", 0.0)
+                await self._fetch(source)
+                stream = source if suffix == TIDE_SUFFIX else await self._encoded(encoder, source)
+            self._stage = ("publish", 0.0)
+            limits = Limits(
+                vertices=self._settings.max_vertices,
+                faces=self._settings.max_faces,
+                memory=self._settings.max_decode_memory,
+            )
+            await publish(store, catalogue, stream, _publication(mesh), limits=limits, job=(self._job.id, self._owner))
+
+    async def _fetch(self, target: Path) -> None:
+        """Copy an object of the store to a file, a piece at a time: an upload may be larger than memory."""
+        store, key = self._kept.store, self._job.source_key
+        size = (await store.head(key)).size
+        with target.open("wb") as file:
+            for start in range(0, size, CHUNK):
+                piece = await store.get_range(key, start, min(start + CHUNK, size))
+                await asyncio.to_thread(file.write, piece)
+
+    async def _encoded_before(self, mesh: MeshRecord) -> bytes | None:
+        """The stream that another job made of the same file with the same options, if there is one."""
+        catalogue = self._kept.catalogue
+        twin = await catalogue.meshes.find_source(mesh.source) if mesh.source is not None else None
+        if twin is None or twin.stream is None or twin.state != MeshState.READY:
+            return None
+        done = await catalogue.jobs.list(mesh_id=twin.id, state=JobState.DONE, limit=1)
+        if not done or (done[0].source_key, done[0].options) != (self._job.source_key, self._job.options):
+            return None
+        return await self._kept.store.get(stream_key(twin.stream))
+
+    async def _encoded(self, encoder: EncoderProcess, source: Path) -> Path:
+        """The stream of the upload, as a file beside it."""
+        target = source.with_suffix(TIDE_SUFFIX)
+        options = EncodingOptions(bits=int(self._job.options["bits"]), profile=str(self._job.options["profile"]))
+        digest = await asyncio.to_thread(file_digest, source)
+        limits = UploadLimits(self._settings.max_vertices, self._settings.max_faces)
+        await encoder.encode(EncoderJob(source, None, digest, options, (target,), limits), self._advance)
+        return target
+
+    def _advance(self, stage: str, fraction: float) -> None:
+        self._stage = (stage, fraction)
+
+
+def _publication(mesh: MeshRecord) -> Publication:
+    return Publication(mesh.id, mesh.name, mesh.tags, mesh.licence, mesh.source, mesh.box)

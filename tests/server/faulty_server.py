@@ -1,0 +1,14 @@
+"""`python -m meshtide_server` with encoders that do what the names of files say; see faulty_encoder."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from meshtide_codec.command_line import run
+from meshtide_server import encoder_process
+from meshtide_server.__main__ import app
+
+if __name__ == "__main__":
+    encoder_process.PROGRAM = (sys.executable, str(Path(__file__).with_name("faulty_encoder.py")))
+    run(app)
