@@ -177,14 +177,14 @@ class Library:
         store = await asyncio.to_thread(open_store, self._settings.store_url)
         catalogue = await Catalogue.open(self._settings.database_url)
         self.kept = KeptMeshes(store, catalogue, copies)
-        await self._refresh_kept(self.kept)
+        await self.kept.refresh()
 
     async def _follow_catalogue(self, kept: KeptMeshes) -> None:
         collected = time.monotonic()
         while True:
             await asyncio.sleep(self._settings.catalogue_seconds)
             try:
-                await self._refresh_kept(kept)
+                await kept.refresh()
                 if time.monotonic() - collected > COLLECT_SECONDS:
                     collected = time.monotonic()
                     for sha256 in await collect_unused(kept.store, kept.catalogue):
@@ -194,18 +194,6 @@ class Library:
             except Exception:
                 logger.exception("while the catalogue was followed")
                 metrics.fault("library")
-
-    async def _refresh_kept(self, kept: KeptMeshes) -> None:
-        """Bring the meshes of the catalogue, and the index of their packets, up to date."""
-        before = {mesh.id: mesh.stream for mesh in kept.meshes.values()}
-        await kept.refresh()
-        now = {mesh.id: mesh.stream for mesh in kept.meshes.values()}
-        for mesh_id in before.keys() | now.keys():
-            stream = now.get(mesh_id)
-            if stream is not before.get(mesh_id):
-                self._packets.remove(f"catalogue/{mesh_id}")
-                if stream is not None:
-                    self._packets.add(f"catalogue/{mesh_id}", stream)
 
     # Looking for files
 

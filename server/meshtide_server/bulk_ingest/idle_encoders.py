@@ -11,7 +11,7 @@ from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-from meshtide_server.encoder_process import EncoderProcess
+from meshtide_server.encoder_process import EncoderProcess, ProcessLimits
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -28,7 +28,7 @@ class _IdleEncoders:
     def take(self, memory: int) -> EncoderProcess:
         waiting = self._idle.get(memory)
         if not waiting:
-            return EncoderProcess(memory)
+            return EncoderProcess(ProcessLimits(memory))
         encoder, timer = waiting.pop()
         timer.cancel()
         return encoder
