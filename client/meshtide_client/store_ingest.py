@@ -71,7 +71,7 @@ def ingest_into_store(
 
     Args:
         files: to be published.
-        options: where to, how they are encoded, and by whom; see `meshtide_server.bulk_ingest.BulkIngest`.
+        options: where to, how they are encoded, and by whom; see `meshtide_server.bulk_ingest.bulk_ingest.BulkIngest`.
         replace: whether what is there already is made again; see `IngestPlan`.
         progress: is told of each file that is through.
 

@@ -1,13 +1,5 @@
 """Bulk ingest: many files into a store and a catalogue, without a server.
 
-Registered as the entry point `store` of the group ``meshtide.ingest``, which is how `meshtide ingest` finds it.
-
-    work = BulkIngest(data=Path("kept"), workers=4)
-    work.run(files, tell)
+`bulk_ingest.BulkIngest` is registered as the entry point `store` of the group ``meshtide.ingest``, which is how the
+command `meshtide ingest` finds it. Nothing is imported here, for a cluster's worker needs `encode_file` alone.
 """
-
-from __future__ import annotations
-
-from meshtide_server.bulk_ingest.bulk_ingest import BulkIngest, KnownMesh
-
-__all__ = ["BulkIngest", "KnownMesh"]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 from contextlib import suppress
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from meshtide_codec.errors import OptionError, TransferError
 from meshtide_server.bulk_ingest.encode_file import FileOutcome, encode_file
@@ -39,12 +39,12 @@ class DaskCluster:
     """The workers of a Dask scheduler; make one with `DaskCluster.connect`.
 
     Args:
-        client: connected.
+        client: a Dask client, connected and asynchronous.
         patience: seconds without any worker after which the cluster counts as lost.
     """
 
     def __init__(self, client: Client, patience: float) -> None:
-        self._client = client
+        self._client: Any = client  # its methods are typed as those of a client that blocks
         self._patience = patience
         self._threads = 1
         self._send_contents = False
@@ -65,17 +65,20 @@ class DaskCluster:
             TransferError: there is no scheduler, or it has no workers.
         """
         dask.config.set({"distributed.admin.large-graph-warning-threshold": CONTENT_BYTES * 1024})
+        client: Any = Client(address, asynchronous=True, timeout=patience, set_as_default=False)
         try:
-            client = await Client(address, asynchronous=True, timeout=patience, set_as_default=False)
-        except ValueError as error:
-            raise OptionError(f"{address!r} is no address of a Dask scheduler ({error}): tcp://host:8786") from error
-        except OSError as error:
-            raise TransferError(f"there is no Dask scheduler at {address}: {error}") from error
-        try:
+            await client
             await client.wait_for_workers(1, timeout=patience)
-        except TimeoutError as error:
+        except BaseException as error:
+            connected = client.status == "running"
             await client.close()
-            raise TransferError(f"the Dask scheduler at {address} has no worker") from error
+            if isinstance(error, ValueError):
+                raise OptionError(f"{address!r} is no address of a Dask scheduler, tcp://host:8786: {error}") from error
+            if isinstance(error, TimeoutError) and connected:
+                raise TransferError(f"the Dask scheduler at {address} has no worker") from error
+            if isinstance(error, OSError):
+                raise TransferError(f"there is no Dask scheduler at {address}: {error}") from error
+            raise
         return cls(client, patience)
 
     @property

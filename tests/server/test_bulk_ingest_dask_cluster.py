@@ -1,0 +1,86 @@
+"""Encoding on a Dask cluster of real processes, some of which are killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from dask_cluster import running_cluster
+from meshtide_codec.errors import OptionError, TransferError
+from meshtide_server.bulk_ingest import dask_cluster as module
+from meshtide_server.bulk_ingest.bulk_ingest import BulkIngest
+from meshtide_server.bulk_ingest.dask_cluster import DaskCluster
+from meshtide_server.bulk_ingest.encode_file import FileOutcome
+
+from .bulk_ingests import BITS, PROFILE, chosen, expected_stream, kept_in, small_meshes
+from .test_bulk_ingest_encode_file import task_for
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dask_cluster import RunningCluster
+
+
+@pytest.fixture(name="cluster")
+def _cluster(tmp_path: Path) -> Iterator[RunningCluster]:
+    (tmp_path / "cluster").mkdir()
+    with running_cluster(2, tmp_path / "cluster") as cluster:
+        yield cluster
+
+
+def test_a_hundred_meshes_on_two_workers_of_which_one_is_killed(tmp_path: Path, cluster: RunningCluster) -> None:
+    files = small_meshes(tmp_path / "scans", 100)
+    work = BulkIngest(data=tmp_path / "kept", bits=BITS, profile=PROFILE, scheduler=cluster.address)
+    told: list[tuple[Path, str | None, str, str | None]] = []
+
+    def tell(*what: Any) -> None:
+        told.append(what)
+        if len(told) == 30:
+            os.kill(cluster.workers[0], signal.SIGKILL)
+
+    work.run((chosen(file) for file in files), tell)
+    assert sorted(told) == [(file, file.stem, "done", None) for file in files]
+    found = kept_in(tmp_path / "kept")
+    assert found.streams == {file.stem: expected_stream(file) for file in files}
+    assert found.keys == found.expected_keys
+
+
+async def test_workers_that_do_not_see_a_file_are_sent_it_and_a_cluster_that_goes_is_told(
+    tmp_path: Path, cluster: RunningCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = small_meshes(tmp_path / "scans", 4)
+    monkeypatch.chdir(tmp_path)
+    here = [Path("scans") / file.name for file in files]  # the workers work in another folder
+    dask = await DaskCluster.connect(cluster.address, 4.0)
+    try:
+        assert await dask.encode(task_for(files[0])) == FileOutcome(expected_stream(files[0]))
+        assert not dask._send_contents
+        monkeypatch.setattr(module, "CONTENT_BYTES", 10)  # less than one file: one goes after the other
+        for file in here[1:]:
+            assert await dask.encode(task_for(file)) == FileOutcome(expected_stream(file))
+        assert dask._send_contents
+        assert dask._sent == 0
+        task = task_for(here[0])
+        here[0].write_text("something else")
+        assert await dask.encode(task) == FileOutcome(elsewhere=True)
+        cluster.stop()
+        with pytest.raises(TransferError, match="lost|has had no worker"):
+            await dask.encode(task_for(files[1]))
+    finally:
+        await dask.close()
+
+
+async def test_a_cluster_without_workers_is_told(tmp_path: Path) -> None:
+    with running_cluster(0, tmp_path) as cluster, pytest.raises(TransferError, match="has no worker"):
+        await DaskCluster.connect(cluster.address, 0.5)
+
+
+async def test_what_is_no_scheduler_is_told() -> None:
+    with pytest.raises(TransferError, match="there is no Dask scheduler at tcp://127.0.0.1:9"):
+        await DaskCluster.connect("tcp://127.0.0.1:9", 0.5)
+    with pytest.raises(OptionError, match="is no address of a Dask scheduler"):
+        await DaskCluster.connect("carrier-pigeon://roof", 0.5)

@@ -1,0 +1,108 @@
+# ruff: noqa: ASYNC240 - the files of these tests are small
+"""The function that encodes one file, here and on clusters."""
+
+from __future__ import annotations
+
+import pickle
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from meshtide_server.bulk_ingest import encode_file as module
+from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask, encode_file
+from meshtide_server.bulk_ingest.idle_encoders import end_idle_encoders
+from meshtide_server.encoder_process import Encoded, EncodingFailedError
+from meshtide_server.stream_cache import EncodingOptions, codec_digest
+from meshtide_server.upload_checks import UploadLimits
+
+from .bulk_ingests import BITS, PROFILE, chosen, expected_stream, small_meshes
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Callable
+
+
+@pytest.fixture(name="file")
+def _file(tmp_path: Path) -> Path:
+    return small_meshes(tmp_path / "scans", 1)[0]
+
+
+def task_for(file: Path) -> FileTask:
+    options = EncodingOptions(BITS, PROFILE)
+    return FileTask(file, chosen(file).digest, options, UploadLimits(1000, 1000), 0, 60.0, codec_digest())
+
+
+@pytest.fixture(name="failing")
+def _failing(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[int]]:
+    """Has encoders that do as they are told: raise an error or, for None, encode."""
+
+    def use(*errors: BaseException | None) -> list[int]:
+        taken: list[int] = []
+
+        class Encoder:
+            async def encode(self, _: Any, progress: Callable[[str, float], None]) -> Encoded:
+                progress("levels", 0.5)
+                taken.append(len(taken))
+                error = errors[taken[-1]]
+                if error is not None:
+                    raise error
+                return Encoded(None, b"stream", ())
+
+        @asynccontextmanager
+        async def encoder_taken(_: int) -> AsyncIterator[Encoder]:
+            yield Encoder()
+
+        monkeypatch.setattr(module, "encoder_taken", encoder_taken)
+        return taken
+
+    return use
+
+
+async def test_a_file_is_encoded_where_it_lies_or_from_its_content(file: Path) -> None:
+    task = task_for(file)
+    assert pickle.loads(pickle.dumps(task)) == task  # noqa: S301 - our own
+    expected = expected_stream(file)
+    content = file.read_bytes()
+    try:
+        assert await encode_file(task) == FileOutcome(expected)
+        file.write_bytes(content + b"\n")
+        assert await encode_file(task) == FileOutcome(elsewhere=True)
+        file.unlink()
+        assert await encode_file(task) == FileOutcome(elsewhere=True)
+        assert await encode_file(task, content) == FileOutcome(expected)
+        changed = await encode_file(replace(task, digest="0" * 64), content)
+        assert "was changed while it was read" in (changed.error or "")
+        limited = await encode_file(replace(task, limits=UploadLimits(8, 1000)), content)
+        assert "claims 9 vertices; this server takes 8" in (limited.error or "")
+    finally:
+        await end_idle_encoders()
+
+
+async def test_another_version_of_the_codec_is_refused(file: Path) -> None:
+    outcome = await encode_file(replace(task_for(file), codec="0" * 64))
+    assert outcome.stream is None
+    assert "another version of meshtide" in (outcome.error or "")
+
+
+async def test_a_file_whose_process_dies_is_begun_twice(file: Path, failing: Callable[..., list[int]]) -> None:
+    died = EncodingFailedError("killed by SIGKILL", by_process=True)
+    taken = failing(died, None)
+    assert await encode_file(task_for(file)) == FileOutcome(b"stream")
+    assert len(taken) == 2
+    taken = failing(died, died)
+    assert await encode_file(task_for(file)) == FileOutcome(error="killed by SIGKILL")
+    assert len(taken) == 2
+
+
+async def test_a_file_that_is_no_mesh_or_takes_too_long_is_begun_once(
+    file: Path, failing: Callable[..., list[int]]
+) -> None:
+    taken = failing(EncodingFailedError("no mesh"))
+    assert await encode_file(task_for(file)) == FileOutcome(error="no mesh")
+    assert len(taken) == 1
+    taken = failing(TimeoutError())
+    outcome = await encode_file(task_for(file))
+    assert outcome == FileOutcome(error="it took longer than 60 s (MESHTIDE_JOB_SECONDS)")
+    assert len(taken) == 1
