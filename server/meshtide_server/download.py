@@ -1,8 +1,12 @@
-"""A `.tide` file, or a part of it such as a packet, as an HTTP answer that is read as fast as it is taken."""
+"""A `.tide` file, or a part of it such as a packet, as an HTTP answer that is read as fast as it is taken.
+
+The first piece is read before anything is answered, so that what cannot be read is a refusal rather than an answer
+that is cut off.
+"""
 
 from __future__ import annotations
 
-import asyncio
+from contextlib import ExitStack
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING
@@ -10,8 +14,9 @@ from typing import TYPE_CHECKING
 from fastapi.responses import Response, StreamingResponse
 
 from meshtide_codec.errors import StreamError
-from meshtide_server.problems import RefusedError, problem_response
+from meshtide_server.problems import RefusedError, problem_response, unavailable
 from meshtide_server.ranges import plan
+from meshtide_server.store import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping
@@ -20,7 +25,7 @@ if TYPE_CHECKING:
 
 MEDIA_TYPE = "application/x-tide"
 CHUNK = 1 << 18
-"""Bytes read at a time; each read is made in a thread, for a disk may be slow."""
+"""Bytes read at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +45,9 @@ class Extract:
     caching: str
 
 
-def download(stream: HostedStream, method: str, headers: Mapping[str, str], extract: Extract | None = None) -> Response:
+async def download(
+    stream: HostedStream, method: str, headers: Mapping[str, str], extract: Extract | None = None
+) -> Response:
     """The answer to a GET or HEAD request for the file of `stream`, or for a part of it.
 
     Args:
@@ -50,7 +57,7 @@ def download(stream: HostedStream, method: str, headers: Mapping[str, str], extr
         extract: the part; the whole file when left out.
 
     Raises:
-        RefusedError: the file is gone or has changed.
+        RefusedError: the file is gone or has changed, or its store does not give it.
     """
     # A file may change, so it is asked for again each time; compressing it would break ranges.
     extract = extract or Extract(stream.etag, 0, stream.size, "no-cache, no-transform")
@@ -74,15 +81,26 @@ def download(stream: HostedStream, method: str, headers: Mapping[str, str], extr
     common["Content-Length"] = str(planned.end - planned.start)
     if method == "HEAD":
         return Response(status_code=planned.status, headers=common, media_type=MEDIA_TYPE)
+    start, end = extract.start + planned.start, extract.start + planned.end
+    first_end = min(start + CHUNK, end)
     try:
         opened = stream.open()
+        with ExitStack() as closing:
+            closing.enter_context(opened)
+            first = await opened.fetch(start, first_end)
+            if first_end < end:
+                closing.pop_all()
     except StreamError as error:
         raise RefusedError(HTTPStatus.SERVICE_UNAVAILABLE, "not-ready", str(error), retry_after=1) from error
-    body = _body(opened, extract.start + planned.start, extract.start + planned.end)
-    return StreamingResponse(body, planned.status, common, MEDIA_TYPE)
+    except StoreError as error:
+        raise unavailable(error) from error
+    if first_end == end:
+        return Response(first, planned.status, common, MEDIA_TYPE)
+    return StreamingResponse(_body(opened, first, first_end, end), planned.status, common, MEDIA_TYPE)
 
 
-async def _body(opened: OpenStream, start: int, end: int) -> AsyncIterator[bytes]:
+async def _body(opened: OpenStream, first: bytes, start: int, end: int) -> AsyncIterator[bytes]:
     with opened:
+        yield first
         for position in range(start, end, CHUNK):
-            yield await asyncio.to_thread(opened.read, position, min(position + CHUNK, end))
+            yield await opened.fetch(position, min(position + CHUNK, end))

@@ -72,8 +72,8 @@ class HostedMesh:
         """Note what is being done."""
         self.stage, self.progress = stage, min(max(progress, 0.0), 1.0)
 
-    def succeed(self, stream: HostedStream) -> None:
-        """The stream is there."""
+    def succeed(self, stream: HostedStream | None) -> None:
+        """The stream is there; None for one that is looked up when it is asked for."""
         self.status, self.stream, self.stage, self.progress = Status.READY, stream, "", 1.0
 
     def fail(self, reason: str) -> None:

@@ -63,6 +63,14 @@ class OpenStream:
         """Bytes `start` to `end` of the whole file."""
         return self._opened.read(start, end)
 
+    async def load(self) -> None:
+        """Bring what the last `packet_part` or `read` has missed with AbsentError, for the next one."""
+        await self._opened.load()
+
+    async def fetch(self, start: int, end: int) -> bytes:
+        """Bytes `start` to `end` of the whole file, while others have their turn."""
+        return await self._opened.fetch(start, end)
+
     def close(self) -> None:
         """Let go of the bytes; may be called twice."""
         self._opened.close()

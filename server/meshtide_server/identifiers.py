@@ -14,7 +14,17 @@ if TYPE_CHECKING:
     from collections.abc import Container
 
 LONGEST_ID = 100
+_ID = re.compile(r"[a-z0-9_][a-z0-9_-]{0,127}", re.ASCII)
 _FOREIGN = re.compile(r"[^a-z0-9_]+")
+
+
+def is_id(text: str) -> bool:
+    """Whether a mesh can have `text` as its id.
+
+    >>> is_id("stanford-bunny"), is_id("../etc"), is_id("")
+    (True, False, False)
+    """
+    return _ID.fullmatch(text) is not None
 
 
 def slug(name: str, longest: int = LONGEST_ID) -> str:

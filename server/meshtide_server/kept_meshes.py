@@ -1,40 +1,45 @@
-"""The meshes of store and catalogue as this server shows them, brought up to date again and again.
+"""The meshes of store and catalogue, as this server shows them: looked up when they are asked for.
 
-Whatever another server of the same catalogue adds, replaces or removes is seen here a moment later, without a restart.
-Streams are read from files: those of a store in a folder where they lie; those of any other store are copied once to a
-folder of this server, checked against their SHA-256, and deleted when no mesh here needs them any more. So a store is
-asked once for each stream, not once for each client.
+The catalogue may know a hundred thousand meshes; what a server has in memory are those that were asked for lately, and
+parts of their streams. Lists come from the catalogue page by page. What is in memory is held against the catalogue
+every few seconds, so whatever another server replaces or removes is seen here a moment later; what it adds, at once.
+
+Streams of a store that is a folder are read where they lie; those of any other store by ranges, through a cache.
 """
 
 from __future__ import annotations
 
 import asyncio
-import hashlib
-import logging
-from contextlib import suppress
+from collections import OrderedDict
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from meshtide_codec.errors import MeshtideError
 from meshtide_codec.stream.header import StreamHeader
-from meshtide_server.catalogue import MeshQuery, MeshState
-from meshtide_server.catalogue.meshes import LARGEST_PAGE
+from meshtide_server.catalogue import MeshState, UnknownMeshError
 from meshtide_server.catalogue.rows import now
 from meshtide_server.hosted_mesh import HostedMesh, Source
 from meshtide_server.hosted_stream import HostedStream
-from meshtide_server.packet_index import PacketIndex
-from meshtide_server.storage import FileStorage
+from meshtide_server.identifiers import is_id
+from meshtide_server.packet_index import PacketIndex, PacketPlace
+from meshtide_server.single_flight import SingleFlight
+from meshtide_server.storage import FileStorage, Storage
 from meshtide_server.store import StoreError, stream_key
 from meshtide_server.store.local import LocalStore
+from meshtide_server.store_storage import StoreStorage
 
 if TYPE_CHECKING:
+    from collections.abc import Container
     from datetime import datetime
-    from pathlib import Path
 
+    from meshtide_server.block_cache import BlockCache
     from meshtide_server.catalogue import Catalogue, MeshRecord
+    from meshtide_server.searching import Search
     from meshtide_server.store import Store
 
-logger = logging.getLogger("meshtide.server")
+KNOWN = 1000
+"""Meshes, and streams, that are kept in memory at most; others are looked up in the catalogue."""
+KNOWN_PACKETS = 1 << 16
+"""Packets of the streams that are, at most; each takes about half a kilobyte."""
 
 
 class KeptMeshes:
@@ -43,40 +48,89 @@ class KeptMeshes:
     Args:
         store: holds their streams.
         catalogue: knows them.
-        copies: folder of this server for copies of streams whose store is no folder.
+        cache: for parts of streams, if the store is no folder.
     """
 
-    def __init__(self, store: Store, catalogue: Catalogue, copies: Path) -> None:
+    def __init__(self, store: Store, catalogue: Catalogue, cache: BlockCache) -> None:
         self.store = store
         self.catalogue = catalogue
-        self._copies = LocalStore(copies)
-        self._meshes: dict[str, HostedMesh] = {}
-        self._updated: dict[str, datetime] = {}
-        self._streams: dict[str, HostedStream] = {}
-        self.packets = PacketIndex()
-        """The packets of their streams, which it knows by SHA-256."""
-        self._swept = False
+        self.cache = cache
+        self.counts = dict.fromkeys(MeshState, 0)
+        """How many were in which state at the last refresh."""
+        self._records: OrderedDict[str, MeshRecord] = OrderedDict()
+        self._streams: OrderedDict[str, HostedStream] = OrderedDict()
+        self._packets = PacketIndex()
+        self._packet_count = 0
         self._refreshing = asyncio.Lock()
         self._refreshed: datetime | None = None
+        self._round = 0
+        """Of refreshes; what was read before the last one began is not kept."""
+        self._meshes_sought: SingleFlight[str, HostedMesh | None] = SingleFlight()
+        self._streams_sought: SingleFlight[str, HostedStream] = SingleFlight()
 
-    @property
-    def meshes(self) -> dict[str, HostedMesh]:
-        """All of them as they were at the last refresh, by their ids."""
-        return self._meshes
+    def known(self, mesh_id: str) -> HostedMesh | None:
+        """A mesh that is in memory with its stream."""
+        record = self._records.get(mesh_id)
+        stream = self._streams.get(record.stream or "") if record is not None else None
+        if record is None or stream is None:
+            return None
+        self._records.move_to_end(mesh_id)
+        self._streams.move_to_end(record.stream or "")
+        return shown(record, stream)
+
+    async def find(self, mesh_id: str) -> HostedMesh | None:
+        """The mesh of that id, or None.
+
+        Raises:
+            DatabaseUnavailableError: the catalogue does not answer.
+            StoreError, OSError: its stream cannot be had.
+        """
+        known = self.known(mesh_id)
+        if known is not None or not is_id(mesh_id):
+            return known
+        return await self._meshes_sought.do(mesh_id, lambda: self._look_up(mesh_id))
+
+    async def find_packet(self, digest: bytes) -> PacketPlace | None:
+        """Where the packet whose bytes have that SHA-256 lies; raises as `find` does."""
+        known = self._packets.find(digest)
+        if known is not None:
+            return known
+        location = await self.catalogue.streams.find_packet(digest.hex())
+        return PacketPlace(await self._stream(location.stream), location.position) if location is not None else None
+
+    async def page(self, search: Search, without: Container[str], limit: int) -> tuple[list[HostedMesh], bool]:
+        """The meshes that are asked for, in the order of their ids, and whether there are more.
+
+        Args:
+            search: which ones.
+            without: ids that are left out, for the server has other meshes under them.
+            limit: how many at most.
+
+        Raises:
+            DatabaseUnavailableError: the catalogue does not answer.
+        """
+        query = search.query()
+        found: list[HostedMesh] = []
+        while True:
+            page = await self.catalogue.meshes.list(replace(query, limit=limit - len(found)))
+            found += [shown(record) for record in page.meshes if record.id not in without]
+            if page.next is None or len(found) == limit:
+                return found, page.next is not None
+            query = replace(query, after=page.next)
 
     async def refresh(self) -> None:
-        """Bring the meshes to the state of the catalogue; one whose stream cannot be had stays as it was.
+        """Forget what has changed in the catalogue since it was looked up.
 
         Raises:
             DatabaseUnavailableError: the catalogue does not answer; nothing was changed.
         """
-        async with self._refreshing:  # what one has read must not hide what a later one has
+        async with self._refreshing:
             begun = now()
             await self._refresh()
             self._refreshed = begun
 
     async def refresh_since(self, moment: datetime) -> None:
-        """Bring the meshes to what the catalogue knew at `moment`, or later.
+        """Forget what had changed at `moment`, unless that was done since.
 
         Raises:
             DatabaseUnavailableError: the catalogue does not answer; nothing was changed.
@@ -85,23 +139,17 @@ class KeptMeshes:
             await self.refresh()
 
     async def _refresh(self) -> None:
-        records = await self._records()
-        meshes: dict[str, HostedMesh] = {}
-        for record in records:
-            known = self._meshes.get(record.id)
-            if known is not None and self._updated.get(record.id) == record.updated:
-                meshes[record.id] = known
-                continue
-            try:
-                meshes[record.id] = await self._shown(record)
-                self._updated[record.id] = record.updated
-            except (MeshtideError, OSError) as error:
-                logger.warning("the stream of %s cannot be had now: %s", record.id, error)
-                if known is not None:
-                    meshes[record.id] = known
-        self._meshes = meshes
-        self._updated = {mesh_id: when for mesh_id, when in self._updated.items() if mesh_id in meshes}
-        await self._forget({record.stream for record in records})
+        self._round += 1
+        records, streams = dict(self._records), dict(self._streams)
+        updated = await self.catalogue.meshes.updated(list(records))
+        present = await self.catalogue.streams.present(list(streams))
+        self.counts = await self.catalogue.meshes.count()
+        for mesh_id, record in records.items():
+            if updated.get(mesh_id) != record.updated and self._records.get(mesh_id) is record:
+                del self._records[mesh_id]
+        unchanged = await asyncio.to_thread(lambda: {key for key, each in streams.items() if each.storage.unchanged()})
+        for sha256 in streams.keys() - (present & unchanged):
+            self._forget(sha256)
 
     async def reason_to_wait(self) -> str | None:
         """Nothing, if the catalogue answers.
@@ -114,65 +162,65 @@ class KeptMeshes:
 
     async def close(self) -> None:
         """Let go of store and catalogue."""
+        await self._meshes_sought.close()
+        await self._streams_sought.close()
+        await self.cache.close()
         await self.store.close()
         await self.catalogue.close()
 
-    async def _records(self) -> list[MeshRecord]:
-        query = MeshQuery(limit=LARGEST_PAGE)
-        records: list[MeshRecord] = []
-        while True:
-            page = await self.catalogue.meshes.list(query)
-            records += page.meshes
-            if page.next is None:
-                return records
-            query = replace(query, after=page.next)
-
-    async def _shown(self, record: MeshRecord) -> HostedMesh:
-        mesh = HostedMesh(record.id, Source(record.name), record=record)
-        if record.state == MeshState.FAILED:
-            mesh.fail(record.reason or "it failed")
-        elif record.state == MeshState.READY and record.stream is not None:
-            mesh.succeed(await self._stream(record.stream))
-        return mesh
+    async def _look_up(self, mesh_id: str) -> HostedMesh | None:
+        begun = self._round
+        try:
+            record = await self.catalogue.meshes.get(mesh_id)
+        except UnknownMeshError:
+            return None
+        if record.state != MeshState.READY or record.stream is None:
+            return shown(record)
+        stream = await self._stream(record.stream)
+        if begun == self._round:
+            self._records[mesh_id] = record
+            self._records.move_to_end(mesh_id)
+            if len(self._records) > KNOWN:
+                self._records.popitem(last=False)
+        return shown(record, stream)
 
     async def _stream(self, sha256: str) -> HostedStream:
-        found = self._streams.get(sha256)
-        if found is not None and await asyncio.to_thread(found.storage.unchanged):
-            return found
+        known = self._streams.get(sha256)
+        return known or await self._streams_sought.do(sha256, lambda: self._look_up_stream(sha256))
+
+    async def _look_up_stream(self, sha256: str) -> HostedStream:
         record = await self.catalogue.streams.get(sha256)
         if record is None:
             raise StoreError(f"stream {sha256} has left the catalogue; its mesh will follow")
         header = await asyncio.to_thread(StreamHeader.from_bytes, record.header)
-        storage = await asyncio.to_thread(FileStorage, await self._file(sha256))
-        if storage.size != record.size:
-            raise StoreError(f"{storage.path} has {storage.size} bytes, the catalogue knows {record.size}")
-        self._streams[sha256] = HostedStream(header, record.header, storage, record.packets)
-        self.packets.add(sha256, self._streams[sha256])
-        return self._streams[sha256]
-
-    async def _file(self, sha256: str) -> Path:
-        """The file of a stream, copied if its store is no folder."""
-        key = stream_key(sha256)
+        storage: Storage
         if isinstance(self.store, LocalStore):
-            return self.store.path(key)
-        with suppress(StoreError):
-            await self._copies.head(key)
-            return self._copies.path(key)
-        data = await self.store.get(key)
-        if await asyncio.to_thread(lambda: hashlib.sha256(data).hexdigest()) != sha256:
-            raise StoreError(f"object {key!r} in the store is damaged: its bytes have another SHA-256")
-        await self._copies.put(key, data)
-        return self._copies.path(key)
+            storage = await asyncio.to_thread(FileStorage, self.store.path(stream_key(sha256)))
+        else:
+            storage = StoreStorage(self.store, stream_key(sha256), header, record.header, record.packets, self.cache)
+        if storage.size != record.size:
+            raise StoreError(f"stream {sha256} has {storage.size} bytes, the catalogue knows {record.size}")
+        stream = HostedStream(header, record.header, storage, record.packets)
+        self._streams[sha256] = stream
+        self._packets.add(sha256, stream)
+        self._packet_count += len(record.packets)
+        while len(self._streams) > KNOWN or (self._packet_count > KNOWN_PACKETS and len(self._streams) > 1):
+            self._forget(next(iter(self._streams)))
+        return stream
 
-    async def _forget(self, needed: set[str | None]) -> None:
-        """Let go of streams, and delete copies, that no mesh here needs."""
-        if not self._swept:  # what an earlier process has left
-            self._swept = True
-            keys = {stream_key(sha256) for sha256 in needed if sha256 is not None}
-            stale = [info.key async for info in self._copies.list("streams") if info.key not in keys]
-            for key in stale:
-                await self._copies.delete(key)
-        for sha256 in self._streams.keys() - needed:
-            del self._streams[sha256]
-            self.packets.remove(sha256)
-            await self._copies.delete(stream_key(sha256))
+    def _forget(self, sha256: str) -> None:
+        stream = self._streams.pop(sha256, None)
+        if stream is not None:
+            self._packets.remove(sha256)
+            self._packet_count -= len(stream.packet_digests)
+            self.cache.forget(stream_key(sha256))
+
+
+def shown(record: MeshRecord, stream: HostedStream | None = None) -> HostedMesh:
+    """A mesh of the catalogue as the server shows it; one that is ready may have its stream looked up later."""
+    mesh = HostedMesh(record.id, Source(record.name), record=record)
+    if record.state == MeshState.FAILED:
+        mesh.fail(record.reason or "it failed")
+    elif record.state == MeshState.READY:
+        mesh.succeed(stream)
+    return mesh

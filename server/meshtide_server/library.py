@@ -11,6 +11,7 @@ import asyncio
 import logging
 import tempfile
 import time
+from collections import Counter
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -19,11 +20,12 @@ from meshtide_codec.errors import MeshtideError
 from meshtide_codec.files import is_mesh_path
 from meshtide_codec.samples import sample_names
 from meshtide_server import metrics
+from meshtide_server.block_cache import BlockCache
 from meshtide_server.catalogue import Catalogue
 from meshtide_server.encoder_process import EncoderProcess, Job
-from meshtide_server.hosted_mesh import TIDE_SUFFIX, HostedMesh, Source
+from meshtide_server.hosted_mesh import TIDE_SUFFIX, HostedMesh, Source, Status
 from meshtide_server.hosted_stream import HostedStream, StoppedError, load_stream
-from meshtide_server.identifiers import unique_id
+from meshtide_server.identifiers import LONGEST_ID, slug, unique_id
 from meshtide_server.kept_meshes import KeptMeshes
 from meshtide_server.packet_index import PacketIndex, PacketPlace
 from meshtide_server.publishing import collect_unused
@@ -41,6 +43,7 @@ from meshtide_server.stream_cache import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from meshtide_server.searching import Search
     from meshtide_server.settings import Settings
 
 logger = logging.getLogger("meshtide.server")
@@ -83,19 +86,56 @@ class Library:
 
     @property
     def meshes(self) -> Sequence[HostedMesh]:
-        """All of them, in the order of their ids."""
-        kept = self.kept.meshes if self.kept is not None else {}
-        return sorted({**kept, **self._meshes}.values(), key=lambda mesh: mesh.id)
+        """Those of the folder and the samples, in the order of their ids."""
+        return sorted(self._meshes.values(), key=lambda mesh: mesh.id)
+
+    @property
+    def counts(self) -> Counter[Status]:
+        """How many meshes are in which state, those of the catalogue a few seconds ago."""
+        counts = Counter(mesh.status for mesh in self._meshes.values())
+        for state, count in self.kept.counts.items() if self.kept is not None else ():
+            counts[Status(state.value)] += count
+        return counts
 
     def find(self, identifier: str) -> HostedMesh | None:
-        """The mesh with that id; one of the folder before one of the catalogue."""
+        """The mesh with that id, if it is in memory; one of the folder before one of the catalogue."""
         found = self._meshes.get(identifier)
-        return self.kept.meshes.get(identifier) if found is None and self.kept is not None else found
+        return self.kept.known(identifier) if found is None and self.kept is not None else found
 
-    def find_packet(self, digest: bytes) -> PacketPlace | None:
-        """Where the packet whose bytes have that SHA-256 lies."""
+    async def look_up(self, identifier: str) -> HostedMesh | None:
+        """The mesh with that id, wherever it is.
+
+        Raises:
+            DatabaseUnavailableError: the catalogue does not answer.
+            StoreError, OSError: the stream cannot be had.
+        """
+        found = self.find(identifier)
+        return await self.kept.find(identifier) if found is None and self.kept is not None else found
+
+    async def look_up_packet(self, digest: bytes) -> PacketPlace | None:
+        """Where the packet whose bytes have that SHA-256 lies; raises as `look_up` does."""
         found = self._packets.find(digest)
-        return self.kept.packets.find(digest) if found is None and self.kept is not None else found
+        return await self.kept.find_packet(digest) if found is None and self.kept is not None else found
+
+    async def page(self, search: Search, limit: int) -> tuple[list[HostedMesh], bool]:
+        """The meshes that are asked for, in the order of their ids, and whether more may follow.
+
+        Args:
+            search: which ones.
+            limit: how many at most.
+
+        Raises:
+            DatabaseUnavailableError: the catalogue does not answer.
+        """
+        found = search.chosen(self.meshes)
+        kept, more = await self.kept.page(search, self._meshes, limit) if self.kept is not None else ([], False)
+        merged = sorted([*found[:limit], *kept], key=lambda mesh: mesh.id)
+        return merged[:limit], more or len(found) > limit or len(merged) > limit
+
+    async def taken_ids(self, name: str) -> set[str]:
+        """The ids in use that a file of that name, without its suffix, could be given as well."""
+        start = slug(name)[: LONGEST_ID // 2]
+        return {*self._meshes, *(await self.kept.catalogue.meshes.ids(start) if self.kept is not None else ())}
 
     async def start(self) -> None:
         """Find the meshes and begin to work on them."""
@@ -172,11 +212,9 @@ class Library:
     # Meshes of store and catalogue
 
     async def _open_kept(self) -> None:
-        data = self._settings.data
-        copies = data / "copies" if data is not None else self._make_scratch()
         store = await asyncio.to_thread(open_store, self._settings.store_url)
         catalogue = await Catalogue.open(self._settings.database_url)
-        self.kept = KeptMeshes(store, catalogue, copies)
+        self.kept = KeptMeshes(store, catalogue, BlockCache(self._settings.store_cache_mib << 20))
         await self.kept.refresh()
 
     async def _follow_catalogue(self, kept: KeptMeshes) -> None:

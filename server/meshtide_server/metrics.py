@@ -65,6 +65,16 @@ class JobOutcome(StrEnum):
     """It was handed back, for this server stops."""
 
 
+class ReadOutcome(StrEnum):
+    """How a read from a store that is no folder ended."""
+
+    DONE = "done"
+    FAILED = "failed"
+    """The store did not answer, or refused."""
+    DAMAGED = "damaged"
+    """The store returned something else than what was put there."""
+
+
 _streams_running = Gauge("meshtide_streams_running", "Streams over websockets that are open.", registry=REGISTRY)
 _streams_started = Counter("meshtide_streams_started", "Streams that were begun.", registry=REGISTRY)
 _streams_ended = Counter("meshtide_streams_ended", "Streams that ended, by outcome.", ["outcome"], registry=REGISTRY)
@@ -105,6 +115,13 @@ _request_seconds = Histogram(
 _request_bytes = Counter(
     "meshtide_http_body_bytes", "Bytes of bodies sent, by template of the route.", ["route"], registry=REGISTRY
 )
+_store_cache = Gauge(
+    "meshtide_store_cache_bytes", "Parts of streams in memory, from a store that is no folder.", registry=REGISTRY
+)
+_store_reads = Counter(
+    "meshtide_store_reads", "Reads from a store that is no folder, by outcome.", ["outcome"], registry=REGISTRY
+)
+_store_bytes = Counter("meshtide_store_read_bytes", "Bytes read from a store that is no folder.", registry=REGISTRY)
 _faults = Counter("meshtide_errors", "Faults of this server, by part.", ["part"], registry=REGISTRY)
 _draining = Gauge("meshtide_draining", "1 while the last streams are waited for before the end.", registry=REGISTRY)
 
@@ -113,6 +130,7 @@ _bytes_by_kind: dict[PacketKind | None, Counter] = {
     None: _stream_bytes.labels(HEADER_KIND),
 }
 _ended_by_outcome = {outcome: _streams_ended.labels(outcome.value) for outcome in StreamOutcome}
+_reads_by_outcome = {outcome: _store_reads.labels(outcome.value) for outcome in ReadOutcome}
 _jobs_by_outcome = {outcome: _jobs_ended.labels(outcome.value) for outcome in JobOutcome}
 
 
@@ -154,6 +172,17 @@ def job_ended(outcome: JobOutcome, seconds: float) -> None:
     _jobs_running.dec()
     _jobs_by_outcome[outcome].inc()
     _job_seconds.observe(seconds)
+
+
+def store_cache(size: int) -> None:
+    """So many bytes of streams of a store are kept in memory, or being fetched."""
+    _store_cache.set(size)
+
+
+def store_read(outcome: ReadOutcome, size: int) -> None:
+    """A store was asked for a part of a stream, and gave `size` bytes."""
+    _reads_by_outcome[outcome].inc()
+    _store_bytes.inc(size)
 
 
 def request_answered(method: str, route: str | None, status: int, seconds: float, size: int) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
+from meshtide_server.catalogue.meshes import LARGEST_PAGE
 from meshtide_server.hosted_mesh import Status  # noqa: TC001 - pydantic reads the annotations
 from meshtide_server.searching import Search, box_of, parse_box
 
@@ -151,7 +152,7 @@ class MeshQuestion(BaseModel):
         examples=["0,0,0,1,1,1"],
     )
     after: str = Field("", max_length=200, pattern=_NO_NUL, description="Only ids after this one.", examples=["spot"])
-    limit: int | None = Field(None, ge=1, le=1000, description="How many at most.", examples=[100])
+    limit: int = Field(100, ge=1, le=LARGEST_PAGE, description="How many at most.", examples=[100])
 
     @field_validator("box")
     @classmethod
@@ -167,7 +168,7 @@ class MeshQuestion(BaseModel):
 
     def search(self) -> Search:
         """The same as the library understands it."""
-        same = self.model_dump(exclude={"q", "tag", "box"})
+        same = self.model_dump(exclude={"q", "tag", "box", "limit"})
         box = parse_box(self.box) if self.box is not None else None
         return Search(text=self.q, tags=tuple(self.tag), box=box, **same)
 
@@ -197,7 +198,8 @@ class MeshSummary(BaseModel):
     @classmethod
     def of(cls, mesh: HostedMesh) -> MeshSummary:
         """The summary of `mesh`."""
-        stream, record, box = mesh.stream, mesh.record, box_of(mesh)
+        record, box = mesh.record, box_of(mesh)
+        vertices, faces, levels, size = _sizes(mesh)
         return cls(
             id=mesh.id,
             name=mesh.source.name,
@@ -205,10 +207,10 @@ class MeshSummary(BaseModel):
             stage=mesh.stage or None,
             progress=mesh.progress,
             reason=mesh.reason,
-            vertices=stream.header.vertices if stream else None,
-            faces=stream.header.faces if stream else None,
-            levels=len(stream.header.levels) if stream else None,
-            bytes=stream.size if stream else None,
+            vertices=vertices,
+            faces=faces,
+            levels=levels,
+            bytes=size,
             box=BoxModel(minimum=box.minimum, maximum=box.maximum) if box else None,
             tags=list(record.tags) if record else [],
             licence=record.licence if record else None,
@@ -216,6 +218,16 @@ class MeshSummary(BaseModel):
             updated=record.updated if record else None,
             source=record.source if record else None,
         )
+
+
+def _sizes(mesh: HostedMesh) -> tuple[int | None, int | None, int | None, int | None]:
+    """Vertices, faces, levels and bytes of a mesh, as far as they are known."""
+    if mesh.stream is not None:
+        header = mesh.stream.header
+        return header.vertices, header.faces, len(header.levels), mesh.stream.size
+    if mesh.record is not None:
+        return mesh.record.vertices, mesh.record.faces, mesh.record.levels, mesh.record.size
+    return None, None, None, None
 
 
 class Level(BaseModel):

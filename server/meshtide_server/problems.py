@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +11,14 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from meshtide_codec.errors import MeshtideError
+from meshtide_server.catalogue import CatalogueError, DatabaseUnavailableError
 from meshtide_server.models import Problem
+from meshtide_server.store import DamagedObjectError, StoreError
 
 if TYPE_CHECKING:
     from fastapi import FastAPI, Request, Response
+
+logger = logging.getLogger("meshtide.server")
 
 LONGEST_MESSAGE = 1000
 EVERYWHERE: dict[int | str, dict[str, Any]] = {
@@ -50,6 +55,17 @@ class RefusedError(MeshtideError):
         return headers
 
 
+def unavailable(error: StoreError | CatalogueError) -> RefusedError:
+    """The refusal for what store or catalogue did not give; the log has the details, which are not for everybody."""
+    if isinstance(error, DamagedObjectError):
+        message = "the stream of this mesh is damaged in the server's store; its operator finds the details in the log"
+        return RefusedError(HTTPStatus.INTERNAL_SERVER_ERROR, "mesh-failed", message)
+    part = "store" if isinstance(error, StoreError) else "catalogue"
+    logger.warning("a request met a %s that cannot be used: %s", part, error)
+    message = f"the server's {part} does not answer as it should; try again in a moment"
+    return RefusedError(HTTPStatus.SERVICE_UNAVAILABLE, "not-ready", message, retry_after=1)
+
+
 def problem_response(status: int, code: str, message: str, headers: dict[str, str] | None = None) -> JSONResponse:
     """The answer that says what is wrong."""
     return JSONResponse(Problem(error=code, message=message).model_dump(), status, headers)
@@ -61,6 +77,11 @@ def handle_problems(app: FastAPI) -> None:
     async def refused(_: Request, error: Exception) -> Response:
         assert isinstance(error, RefusedError)  # noqa: S101 - it is registered for no other
         return problem_response(error.status, error.code, error.message, error.headers)
+
+    async def elsewhere(_: Request, error: Exception) -> Response:
+        assert isinstance(error, StoreError | CatalogueError)  # noqa: S101 - it is registered for no other
+        refusal = unavailable(error)
+        return problem_response(refusal.status, refusal.code, refusal.message, refusal.headers)
 
     async def framework(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for no other
@@ -78,4 +99,6 @@ def handle_problems(app: FastAPI) -> None:
 
     app.add_exception_handler(RequestValidationError, invalid)
     app.add_exception_handler(RefusedError, refused)
+    app.add_exception_handler(StoreError, elsewhere)
+    app.add_exception_handler(DatabaseUnavailableError, elsewhere)
     app.add_exception_handler(HTTPException, framework)

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 from http import HTTPStatus
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response, WebSocket
+from pydantic import TypeAdapter
 from starlette.routing import WebSocketRoute
 
 from meshtide_server.access import require_read
+from meshtide_server.catalogue import CatalogueError
 from meshtide_server.download import MEDIA_TYPE, download
 from meshtide_server.hosted_mesh import HostedMesh, Status
 from meshtide_server.models import Index, MeshDetail, MeshQuestion, MeshSummary, Problem
-from meshtide_server.problems import RefusedError
+from meshtide_server.problems import RefusedError, unavailable
+from meshtide_server.ranges import plan
 from meshtide_server.routes_tickets import UNAUTHORIZED
+from meshtide_server.store import StoreError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from meshtide_server.hosted_stream import HostedStream
     from meshtide_server.library import Library
     from meshtide_server.streaming import Streams
@@ -35,6 +42,8 @@ _REFUSALS: _Responses = {
     503: {"model": Problem, "description": "The mesh is being encoded; the message says how far."},
 }
 _BINARY = {"content": {MEDIA_TYPE: {"schema": {"type": "string", "format": "binary"}}}}
+_CONDITIONAL: _Responses = {304: {"description": "What the client holds (If-None-Match) is still the answer."}}
+_LISTING = TypeAdapter(list[MeshSummary])
 FILE_RESPONSES: _Responses = {
     200: {**_BINARY, "description": "The whole file."},
     206: {**_BINARY, "description": "The range asked for."},
@@ -51,17 +60,26 @@ async def index() -> Index:
     return Index(version=program_version())
 
 
-@router.get("/meshes", summary="All meshes", tags=["meshes"], responses=UNAUTHORIZED, dependencies=READERS)
-async def meshes(request: Request, response: Response, asked: Annotated[MeshQuestion, Query()]) -> list[MeshSummary]:
-    """All hosted meshes in the order of their ids, also those that are not ready; or those that are asked for.
+@router.get(
+    "/meshes",
+    summary="Find meshes",
+    response_model=list[MeshSummary],
+    tags=["meshes"],
+    responses={**_CONDITIONAL, **UNAUTHORIZED, 503: _REFUSALS[503]},
+    dependencies=READERS,
+)
+async def meshes(request: Request, asked: Annotated[MeshQuestion, Query()]) -> Response:
+    """Hosted meshes in the order of their ids, also those that are not ready: all, or those that are asked for.
 
-    With a limit, the header Link names the next page, if there is one.
+    They come page by page: the header Link names the next page, if there is one.
     """
-    page, more = asked.search().page(_library(request).meshes)
+    page, more = await _library(request).page(asked.search(), asked.limit)
+    headers = {}
     if more:
         kept = [(name, value) for name, value in request.query_params.multi_items() if name != "after"]
-        response.headers["Link"] = f'</meshes?{urlencode([*kept, ("after", page[-1].id)])}>; rel="next"'
-    return [MeshSummary.of(mesh) for mesh in page]
+        headers["Link"] = f'</meshes?{urlencode([*kept, ("after", page[-1].id)])}>; rel="next"'
+    body = await asyncio.to_thread(lambda: _LISTING.dump_json([MeshSummary.of(mesh) for mesh in page]))
+    return conditional_json(request, body, headers)
 
 
 @router.api_route(
@@ -83,29 +101,29 @@ async def meshes(request: Request, response: Response, asked: Annotated[MeshQues
 async def file(request: Request, mesh_id: MeshId) -> Response:
     """The stream of a mesh as a file. A cut-off file is a coarser mesh; a range can be asked for, and resumed."""
     library = _library(request)
-    _, stream = find_stream(library, mesh_id)
+    _, stream = await find_stream(library, mesh_id)
 
     def holds() -> bool:
         found = library.find(mesh_id)
         return found is not None and found.stream is stream and stream.storage.unchanged()
 
     request.state.holds = holds
-    return download(stream, request.method, request.headers)
+    return await download(stream, request.method, request.headers)
 
 
 @router.get(
     "/meshes/{mesh_id}",
     response_model=MeshDetail,
-    responses=_REFUSALS,
+    responses={**_CONDITIONAL, **_REFUSALS},
     summary="All about one mesh",
     tags=["meshes"],
     dependencies=READERS,
 )
 async def mesh(request: Request, mesh_id: MeshId) -> Response:
     """What is known of a mesh, and its stream: quantization, levels and packets, with their places in the file."""
-    found, stream = find_stream(_library(request), mesh_id)
-    body = await asyncio.to_thread(lambda: MeshDetail.of(found, stream).model_dump_json())
-    return Response(body, media_type="application/json")
+    found, stream = await find_stream(_library(request), mesh_id)
+    body = await asyncio.to_thread(lambda: MeshDetail.of(found, stream).model_dump_json().encode())
+    return conditional_json(request, body)
 
 
 async def stream(websocket: WebSocket) -> None:
@@ -118,13 +136,18 @@ STREAM_ROUTE = WebSocketRoute("/meshes/{mesh_id}/stream", stream)
 """Starlette's plain route: FastAPI's, which has nothing to do for it, costs a tenth of a whole stream."""
 
 
-def find_stream(library: Library, mesh_id: str) -> tuple[HostedMesh, HostedStream]:
+async def find_stream(library: Library, mesh_id: str) -> tuple[HostedMesh, HostedStream]:
     """The mesh of that id and its stream.
 
     Raises:
-        RefusedError: there is no such mesh, or it is not ready, or it has failed.
+        RefusedError: there is no such mesh, or it is not ready, or it has failed, or cannot be looked up now.
     """
-    found = library.find(mesh_id)
+    try:
+        found = await library.look_up(mesh_id)
+    except (StoreError, CatalogueError) as error:
+        raise unavailable(error) from error
+    except OSError as error:
+        raise unavailable(StoreError(f"the stream of {mesh_id} cannot be opened: {error}")) from error
     if found is None:
         message = f"there is no mesh {mesh_id[:100]!r}; GET /meshes lists them all"
         raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-mesh", message)
@@ -133,6 +156,16 @@ def find_stream(library: Library, mesh_id: str) -> tuple[HostedMesh, HostedStrea
     if found.stream is None:
         raise RefusedError(HTTPStatus.SERVICE_UNAVAILABLE, "not-ready", found.not_ready_message, retry_after=1)
     return found, found.stream
+
+
+def conditional_json(request: Request, body: bytes, headers: Mapping[str, str] | None = None) -> Response:
+    """JSON with a strong entity tag, or 304 if that is what the client holds."""
+    etag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
+    common = {"ETag": etag, "Cache-Control": "no-cache", **(headers or {})}
+    held = {"if-none-match": request.headers["if-none-match"]} if "if-none-match" in request.headers else {}
+    if plan("GET", held, etag, len(body)).status == HTTPStatus.NOT_MODIFIED:
+        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=common)
+    return Response(body, headers=common, media_type="application/json")
 
 
 def program_version() -> str:

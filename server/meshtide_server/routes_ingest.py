@@ -136,7 +136,7 @@ async def upload(
     suffix = checked_suffix(filename)
     source = await receive(request.stream(), suffix, kept.store, _settings(request).max_upload)
     options = _options(request, bits, profile)
-    taken = {mesh.id for mesh in _library(request).meshes} | set(kept.meshes)
+    taken = await _library(request).taken_ids(name.stem)
     while True:
         mesh_id = unique_id(name.stem, suffix, taken)
         mesh = MeshRecord(mesh_id, name.name, tuple(sorted(set(tag))), licence, source=source.sha256)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections import Counter
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,7 +29,7 @@ router = APIRouter(tags=["server"])
 async def health(request: Request) -> Health:
     """That the server answers, and how many of its meshes are in which state."""
     library: Library = request.app.state.library
-    counts = Counter(mesh.status for mesh in library.meshes)
+    counts = library.counts
     return Health(version=program_version(), meshes={status.value: counts[status] for status in Status})
 
 

@@ -40,9 +40,9 @@ Digest = Annotated[
 @router.api_route("/meshes/{mesh_id}/header", methods=["HEAD"], response_class=Response, include_in_schema=False)
 async def header(request: Request, mesh_id: MeshId) -> Response:
     """The header of a mesh's stream as it stands in the `.tide` file: levels, and the table of packets."""
-    _, stream = find_stream(_library(request), mesh_id)
+    _, stream = await find_stream(_library(request), mesh_id)
     extract = Extract(stream.etag, PREAMBLE_BYTES, stream.packet_offset(0), "no-cache, no-transform")
-    return download(stream, request.method, request.headers, extract)
+    return await download(stream, request.method, request.headers, extract)
 
 
 @router.api_route(
@@ -55,7 +55,7 @@ async def header(request: Request, mesh_id: MeshId) -> Response:
 @router.api_route("/packets/{digest}", methods=["HEAD"], response_class=Response, include_in_schema=False)
 async def packet(request: Request, digest: Digest) -> Response:
     """The bytes of one packet. They never change, so they may be kept for ever; never compressed on the way."""
-    place = _library(request).find_packet(bytes.fromhex(digest)) if _DIGEST.fullmatch(digest) else None
+    place = await _library(request).look_up_packet(bytes.fromhex(digest)) if _DIGEST.fullmatch(digest) else None
     if place is None:
         message = f"there is no packet {digest[:100]!r}; GET /meshes/ID lists those of a mesh"
         raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-packet", message)
@@ -64,7 +64,7 @@ async def packet(request: Request, digest: Digest) -> Response:
     visibility = "public" if access_of(request).readable_by_all else "private"
     request.state.holds = place.stream.storage.unchanged
     extract = Extract(f'"{digest}"', start, end, f"{visibility}, {_FOR_EVER}")
-    return download(place.stream, request.method, request.headers, extract)
+    return await download(place.stream, request.method, request.headers, extract)
 
 
 def _library(request: Request) -> Library:

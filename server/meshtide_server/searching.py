@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from meshtide_server.catalogue import Box
+from meshtide_server.catalogue import Box, MeshQuery, MeshState
 from meshtide_server.hosted_mesh import HostedMesh, Status  # noqa: TC001 - dataclass fields
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ class Search:
         created_after: when it came into the catalogue; the folder's meshes never did.
         created_before: the same.
         after: only ids that come after this one.
-        limit: how many at most; None for all.
     """
 
     text: str = ""
@@ -50,17 +49,16 @@ class Search:
     created_after: datetime | None = None
     created_before: datetime | None = None
     after: str = ""
-    limit: int | None = None
 
-    def page(self, meshes: Sequence[HostedMesh]) -> tuple[list[HostedMesh], bool]:
-        """The meshes that are asked for, and whether more of them follow.
+    def chosen(self, meshes: Sequence[HostedMesh]) -> list[HostedMesh]:
+        """Those of `meshes` that are asked for."""
+        return [mesh for mesh in meshes if mesh.id > self.after and self._wants(mesh)]
 
-        Args:
-            meshes: in the order of their ids.
-        """
-        found = [mesh for mesh in meshes if mesh.id > self.after and self._wants(mesh)]
-        end = len(found) if self.limit is None else self.limit
-        return found[:end], end < len(found)
+    def query(self) -> MeshQuery:
+        """The same as the catalogue understands it."""
+        same = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "status"}
+        states = () if self.status is None else (MeshState(self.status.value),)
+        return MeshQuery(**same, states=states)
 
     def _wants(self, mesh: HostedMesh) -> bool:
         record, header = mesh.record, mesh.stream.header if mesh.stream else None

@@ -69,7 +69,16 @@ class Settings(BaseSettings):
         "(extra postgres). It may hold a password, so it is no option of the command.",
     )
     catalogue_seconds: float = Field(
-        default=2.0, gt=0.0, description="How often the catalogue is asked what other servers have changed."
+        default=2.0,
+        gt=0.0,
+        description="How often what is in memory is held against the catalogue, which other servers change too.",
+    )
+    store_cache_mib: int = Field(
+        default=256,
+        ge=16,
+        le=1 << 20,
+        description="MiB of memory for parts of streams from a store that is no folder; what is used least recently "
+        "gives way.",
     )
     bits: int = Field(
         default=DEFAULT_B, ge=SMALLEST_B, le=LARGEST_B, description="Bits per coordinate for meshes encoded here."

@@ -1,4 +1,4 @@
-"""Where the bytes of a stream lie: in a file, or in memory where no file could be written.
+"""Where the bytes of a stream lie: in a file, or in memory where no file could be written; in a store: `store_storage`.
 
 Files are read range by range rather than through a memory map: a mapped file that somebody cuts short kills the
 process that reads it, a short read is an error of that one stream.
@@ -6,6 +6,7 @@ process that reads it, a short read is an error of that one stream.
 
 from __future__ import annotations
 
+import asyncio
 import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, Self
@@ -32,11 +33,21 @@ class FileIdentity:
         return cls(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
 
 
+class AbsentError(Exception):
+    """The bytes are not at hand without waiting; `OpenStorage.load` brings them."""
+
+
 class OpenStorage(Protocol):
     """Bytes that are open for reading; a context manager."""
 
     def read(self, start: int, end: int) -> bytes:
-        """Bytes `start` to `end`, all of them."""
+        """Bytes `start` to `end`, all of them; only those of a store raise AbsentError."""
+
+    async def load(self) -> None:
+        """Bring what the last `read` has missed, for the next one."""
+
+    async def fetch(self, start: int, end: int) -> bytes:
+        """Bytes `start` to `end`, all of them, while others have their turn."""
 
     def close(self) -> None:
         """Let go of them; may be called twice."""
@@ -62,7 +73,7 @@ class Storage(Protocol):
         """Whether the bytes are, as far as can be told without reading them, those that were first seen."""
 
 
-class _Closing:
+class Closing:
     """The context manager's half of OpenStorage."""
 
     def close(self) -> None:
@@ -74,7 +85,7 @@ class _Closing:
         self.close()
 
 
-class OpenFile(_Closing):
+class OpenFile(Closing):
     """A file open for reading ranges of it, by one reader."""
 
     def __init__(self, path: Path) -> None:
@@ -109,6 +120,13 @@ class OpenFile(_Closing):
             parts.append(part)
             position += len(part)
         return parts[0] if len(parts) == 1 else b"".join(parts)
+
+    async def load(self) -> None:
+        """Nothing: `read` misses nothing."""
+
+    async def fetch(self, start: int, end: int) -> bytes:
+        """Bytes `start` to `end`, read in a thread, for a disk may be slow."""
+        return await asyncio.to_thread(self.read, start, end)
 
     def close(self) -> None:
         """Close the file."""
@@ -165,7 +183,7 @@ class FileStorage:
         return f"FileStorage({self.path}, {self.size} bytes)"
 
 
-class OpenMemory(_Closing):
+class OpenMemory(Closing):
     """Bytes in memory, in the manner of an open file."""
 
     def __init__(self, data: bytes) -> None:
@@ -175,6 +193,13 @@ class OpenMemory(_Closing):
         return self
 
     def read(self, start: int, end: int) -> bytes:
+        """Bytes `start` to `end`."""
+        return self._data[start:end]
+
+    async def load(self) -> None:
+        """Nothing: `read` misses nothing."""
+
+    async def fetch(self, start: int, end: int) -> bytes:
         """Bytes `start` to `end`."""
         return self._data[start:end]
 

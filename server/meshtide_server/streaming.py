@@ -4,19 +4,19 @@ One task feeds the session what the client sends, another sends what the session
 granted and its socket takes. Whatever ends a stream early is told to the client in an error frame first, and then in
 the close code.
 
-======================  =====  =====================================================
+======================  =====  ==================================================================================
 error frame             close  when
-======================  =====  =====================================================
+======================  =====  ==================================================================================
 (none)                  1000   all was sent, or the client gave up
 unknown-mesh            1008   there is no mesh of that id
-not-ready               1013   it is being encoded, or replaced on the disk
-mesh-failed             1011   it cannot be served
+not-ready               1013   it is being encoded, or replaced on the disk, or store or catalogue do not answer
+mesh-failed             1011   it cannot be served, or is damaged in the store
 protocol                1002   a frame that is malformed or out of turn
 timeout                 1008   no hello, or no credit and no reading, for too long
 shutting-down           1012   the server is going away; connect again, to another one or later, to resume
 internal                1011   a fault of the server
 (none)                  1009   a frame over the size limit; sent by the protocol below
-======================  =====  =====================================================
+======================  =====  ==================================================================================
 """
 
 from __future__ import annotations
@@ -36,8 +36,10 @@ from meshtide_server import metrics
 from meshtide_server.connections import FRAMES, cut
 from meshtide_server.metrics import StreamOutcome
 from meshtide_server.origins import may_connect
-from meshtide_server.problems import RefusedError, problem_response
+from meshtide_server.problems import RefusedError, problem_response, unavailable
 from meshtide_server.routes import find_stream
+from meshtide_server.storage import AbsentError
+from meshtide_server.store import StoreError
 
 if TYPE_CHECKING:
     from meshtide_server.access import Access
@@ -169,7 +171,7 @@ class Streams:
     async def _stream(self, websocket: WebSocket, mesh_id: str) -> Farewell | None:
         """Stream to one client; returns how to part from it, or None if it has left."""
         try:
-            found, stream = find_stream(self._library, mesh_id)
+            found, stream = await find_stream(self._library, mesh_id)
         except RefusedError as error:
             return Farewell(_CLOSE_CODES[error.code], error.code, error.message)
         try:
@@ -178,9 +180,12 @@ class Streams:
         except StreamError as error:
             logger.warning("%s: %s", found.id, error)
             return Farewell(1013, "not-ready", str(error))
+        except StoreError as error:
+            refusal = unavailable(error)
+            return Farewell(_CLOSE_CODES[refusal.code], refusal.code, refusal.message)
 
     async def _run(self, websocket: WebSocket, mesh_id: str, source: OpenStream) -> Farewell | None:
-        conversation = Conversation(websocket, ServerSession(mesh_id, source), self._settings)
+        conversation = Conversation(websocket, mesh_id, source, self._settings)
         if self._closing:
             return _SHUTTING_DOWN
         self._conversations.add(conversation)
@@ -193,9 +198,10 @@ class Streams:
 class Conversation:
     """One client's stream: the two tasks that share its session."""
 
-    def __init__(self, websocket: WebSocket, session: ServerSession, settings: Settings) -> None:
+    def __init__(self, websocket: WebSocket, mesh_id: str, source: OpenStream, settings: Settings) -> None:
         self._websocket = websocket
-        self._session = session
+        self._source = source
+        self._session = ServerSession(mesh_id, source)
         self._settings = settings
         self._heard = asyncio.Event()
         self._over: asyncio.Future[Farewell | None] = asyncio.get_running_loop().create_future()
@@ -260,7 +266,7 @@ class Conversation:
         deadline = loop.time() + self._settings.hello_timeout
         greeted = False
         while True:
-            frames = self._next_frames()
+            frames = await self._next_frames()
             if self._session.greeted and not greeted:
                 greeted = True
                 deadline = loop.time() + self._settings.stall_timeout
@@ -286,11 +292,20 @@ class Conversation:
             deadline = loop.time() + self._settings.stall_timeout
             await asyncio.sleep(0)
 
-    def _next_frames(self) -> list[bytes]:
-        """What the session has to send, up to a batch."""
+    async def _next_frames(self) -> list[bytes]:
+        """What the session has to send, up to a batch; what a store has to be asked for is awaited."""
         frames: list[bytes] = []
         size = 0
-        while size < BATCH_BYTES and (frame := self._session.next_frame()) is not None:
+        while size < BATCH_BYTES:
+            try:
+                frame = self._session.next_frame()
+            except AbsentError:  # the session has not moved: it asks for the same again
+                if frames:
+                    break
+                await self._source.load()
+                continue
+            if frame is None:
+                break
             frames.append(frame)
             size += len(frame)
         return frames

@@ -1,30 +1,37 @@
-from collections.abc import AsyncIterator
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
-from meshtide_server.catalogue import Catalogue, MeshRecord
+from meshtide_server import kept_meshes
+from meshtide_server.block_cache import BlockCache
+from meshtide_server.catalogue import Catalogue, DatabaseUnavailableError, MeshRecord, MeshState
 from meshtide_server.hosted_mesh import Status
 from meshtide_server.kept_meshes import KeptMeshes
 from meshtide_server.publishing import Publication, publish
-from meshtide_server.store import Store, stream_key
+from meshtide_server.searching import Search
+from meshtide_server.store import DamagedObjectError, Store, StoreError, stream_key
 from meshtide_server.store.local import LocalStore
 from meshtide_server.store.memory import MemoryStore
 
+from .catalogues import database_url, postgresql  # noqa: F401 - fixtures
 from .conftest import make_stream
 
 
 class CountingStore(MemoryStore):
     reads = 0
 
-    async def get(self, key: str) -> bytes:
+    async def get_range(self, key: str, start: int, end: int) -> bytes:
         self.reads += 1
-        return await super().get(key)
+        await asyncio.sleep(0)
+        return await super().get_range(key, start, end)
 
 
 @pytest.fixture
-async def catalogue(tmp_path: Path) -> AsyncIterator[Catalogue]:
-    opened = await Catalogue.open(f"sqlite:///{tmp_path}/catalogue.db")
+async def catalogue(database_url: str) -> AsyncIterator[Catalogue]:  # noqa: F811
+    opened = await Catalogue.open(database_url)
     yield opened
     await opened.close()
 
@@ -34,71 +41,237 @@ def store(request: pytest.FixtureRequest, tmp_path: Path) -> Store:
     return CountingStore() if request.param == "memory" else LocalStore(tmp_path / "store")
 
 
-def copies(tmp_path: Path) -> list[str]:
-    return [path.name for path in (tmp_path / "copies").rglob("*.tide")]
+def kept_of(store: Store, catalogue: Catalogue) -> KeptMeshes:
+    return KeptMeshes(store, catalogue, BlockCache(1 << 20))
 
 
-async def test_meshes_come_change_and_go(store: Store, catalogue: Catalogue, tmp_path: Path) -> None:
-    kept = KeptMeshes(store, catalogue, tmp_path / "copies")
-    await kept.refresh()
-    assert kept.meshes == {}
+async def whole(kept: KeptMeshes, mesh_id: str) -> bytes:
+    mesh = await kept.find(mesh_id)
+    assert mesh is not None
+    assert mesh.stream is not None
+    with mesh.stream.open() as opened:
+        return await opened.fetch(0, mesh.stream.size)
+
+
+async def listed(kept: KeptMeshes, limit: int = 100, **search: object) -> list[str]:
+    page, _ = await kept.page(Search(**search), {}, limit)  # type: ignore[arg-type]
+    return [mesh.id for mesh in page]
+
+
+async def test_meshes_come_change_and_go(store: Store, catalogue: Catalogue) -> None:
+    kept = kept_of(store, catalogue)
+    assert await listed(kept) == []
+    assert await kept.find("a") is None
     await publish(store, catalogue, make_stream(1), Publication("a", "a.obj"))
     await catalogue.meshes.add(MeshRecord("b", "b.obj"))
-    await kept.refresh()
-    first = kept.meshes["a"]
-    assert (first.status, kept.meshes["b"].status) == (Status.READY, Status.ENCODING)
+    assert await listed(kept) == ["a", "b"]
+    assert await whole(kept, "a") == make_stream(1)
+    first, other = await kept.find("a"), await kept.find("b")
+    assert first is not None
+    assert other is not None
     assert first.stream is not None
-    with first.stream.open() as opened:
-        assert opened.read(0, first.stream.size) == make_stream(1)
+    assert (first.status, other.status, other.stream) == (Status.READY, Status.ENCODING, None)
     assert len(first.stream.packet_digests) == 6
+    await kept.refresh()
+    same = kept.known("a")
+    assert same is not None
+    assert same.stream is first.stream
     await catalogue.meshes.fail("b", "not a mesh")
     await publish(store, catalogue, make_stream(2), Publication("a", "new.obj"))
     await kept.refresh()
-    assert kept.meshes["b"].reason == "not a mesh"
-    second = kept.meshes["a"]
-    assert second.stream is not None
-    assert second.stream.fingerprint != first.stream.fingerprint
-    await kept.refresh()
-    assert kept.meshes["a"] is second
+    assert kept.known("a") is None
+    assert await whole(kept, "a") == make_stream(2)
+    failed = await kept.find("b")
+    assert failed is not None
+    assert failed.reason == "not a mesh"
+    assert kept.counts == {MeshState.READY: 1, MeshState.ENCODING: 0, MeshState.FAILED: 1}
     await catalogue.delete("a")
     await kept.refresh()
-    assert set(kept.meshes) == {"b"}
-    assert copies(tmp_path) == []
+    assert await kept.find("a") is None
+    assert await listed(kept) == ["b"]
 
 
-async def test_a_store_is_asked_once_for_each_stream(catalogue: Catalogue, tmp_path: Path) -> None:
+async def test_what_was_changed_by_then_is_forgotten(store: Store, catalogue: Catalogue) -> None:
+    kept = kept_of(store, catalogue)
+    await publish(store, catalogue, make_stream(1), Publication("a", "a.obj"))
+    await whole(kept, "a")
+    await kept.refresh()
+    changed = await publish(store, catalogue, make_stream(2), Publication("a", "a.obj"))
+    await kept.refresh_since(changed.updated - timedelta(hours=1))
+    assert await whole(kept, "a") == make_stream(1)
+    await kept.refresh_since(changed.updated)
+    assert await whole(kept, "a") == make_stream(2)
+
+
+async def test_what_was_read_before_a_refresh_is_not_kept_after_it(
+    store: Store, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = kept_of(store, catalogue)
+    await publish(store, catalogue, make_stream(1), Publication("a", "a.obj"))
+    get, go = catalogue.meshes.get, asyncio.Event()
+
+    async def slow(mesh_id: str) -> MeshRecord:
+        record = await get(mesh_id)
+        await go.wait()
+        return record
+
+    monkeypatch.setattr(catalogue.meshes, "get", slow)
+    reading = asyncio.create_task(kept.find("a"))
+    await asyncio.sleep(0.05)
+    await publish(store, catalogue, make_stream(2), Publication("a", "a.obj"))
+    await kept.refresh()
+    go.set()
+    assert await reading is not None
+    assert kept.known("a") is None
+    assert await whole(kept, "a") == make_stream(2)
+
+
+async def test_packets_are_found_wherever_they_are_known(store: Store, catalogue: Catalogue) -> None:
+    kept = kept_of(store, catalogue)
+    await publish(store, catalogue, make_stream(1), Publication("a", "a.obj"))
+    stream = await catalogue.streams.get((await catalogue.meshes.get("a")).stream or "")
+    assert stream is not None
+    for position, digest in enumerate(stream.packets):
+        place = await kept.find_packet(digest)
+        assert place is not None
+        assert place.position == position
+        assert place.stream.packet_digests == stream.packets
+    assert await kept.find_packet(bytes(32)) is None
+    await catalogue.delete("a")
+    await kept.refresh()
+    assert await kept.find_packet(stream.packets[0]) is None
+
+
+async def test_a_store_is_asked_once_for_all_who_ask(catalogue: Catalogue) -> None:
     store = CountingStore()
     for identifier in ("a", "b"):
         await publish(store, catalogue, make_stream(), Publication(identifier, identifier))
-    for _ in range(2):  # a server that starts again finds its copies
-        kept = KeptMeshes(store, catalogue, tmp_path / "copies")
-        await kept.refresh()
-        await kept.refresh()
-        assert all(mesh.status == Status.READY for mesh in kept.meshes.values())
+    kept = kept_of(store, catalogue)
+    store.reads = 0
+    streams = await asyncio.gather(*(whole(kept, identifier) for identifier in "ab" * 20))
+    assert streams == [make_stream()] * 40
     assert store.reads == 1
-    assert len(copies(tmp_path)) == 1
+    await catalogue.delete("a")
+    await catalogue.delete("b")
+    await kept.refresh()
+    assert kept.cache.held == 0
 
 
-async def test_a_damaged_object_is_not_shown(
-    catalogue: Catalogue, tmp_path: Path, caplog: pytest.LogCaptureFixture
+async def test_the_catalogue_is_asked_once_for_all_who_ask(
+    store: Store, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    await publish(store, catalogue, make_stream(), Publication("a", "a"))
+    asked = watched(monkeypatch, catalogue)
+    kept = kept_of(store, catalogue)
+    found = await asyncio.gather(*(kept.find("a") for _ in range(100)))
+    assert len({id(mesh.stream) for mesh in found if mesh is not None}) == 1
+    await kept.find("a")
+    for odd in ("../a", "a\x00", "A", "x" * 1000, ""):
+        assert await kept.find(odd) is None
+    assert asked == ["a"]
+
+
+def watched(monkeypatch: pytest.MonkeyPatch, catalogue: Catalogue) -> list[str]:
+    """The ids that the catalogue is asked for from now on."""
+    asked: list[str] = []
+    get = catalogue.meshes.get
+
+    async def noted(mesh_id: str) -> MeshRecord:
+        asked.append(mesh_id)
+        return await get(mesh_id)
+
+    monkeypatch.setattr(catalogue.meshes, "get", noted)
+    return asked
+
+
+async def test_no_more_is_kept_in_memory_than_allowed(
+    store: Store, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kept_meshes, "KNOWN", 3)
+    monkeypatch.setattr(kept_meshes, "KNOWN_PACKETS", 12)
+    kept = kept_of(store, catalogue)
+    for number in range(6):
+        await publish(store, catalogue, make_stream(number), Publication(f"m{number}", "m"))
+    for number in range(6):
+        assert await whole(kept, f"m{number}") == make_stream(number)
+    known = [number for number in range(6) if kept.known(f"m{number}") is not None]
+    assert known == [4, 5]  # six packets each
+    assert await whole(kept, "m0") == make_stream(0)
+    await kept.refresh()
+
+
+async def test_pages_leave_out_what_the_folder_has(store: Store, catalogue: Catalogue) -> None:
+    kept = kept_of(store, catalogue)
+    for number in range(7):
+        await catalogue.meshes.add(MeshRecord(f"m{number}", "m"))
+    page, more = await kept.page(Search(), {"m0", "m2", "m3"}, 2)
+    assert ([mesh.id for mesh in page], more) == (["m1", "m4"], True)
+    page, more = await kept.page(Search(after="m4"), {"m0"}, 2)
+    assert ([mesh.id for mesh in page], more) == (["m5", "m6"], False)
+    page, more = await kept.page(Search(), {f"m{number}" for number in range(7)}, 2)
+    assert (page, more) == ([], False)
+
+
+async def test_a_damaged_object_is_told(catalogue: Catalogue) -> None:
     store = MemoryStore()
     mesh = await publish(store, catalogue, make_stream(), Publication("a", "a"))
     await store.put(stream_key(mesh.stream or ""), make_stream(5))
-    kept = KeptMeshes(store, catalogue, tmp_path / "copies")
+    kept = kept_of(store, catalogue)
+    with pytest.raises(DamagedObjectError, match="is damaged: packet 0"):
+        await whole(kept, "a")
+    await store.put(stream_key(mesh.stream or ""), make_stream())
+    assert await whole(kept, "a") == make_stream()
+
+
+async def test_a_file_of_another_size_is_told(catalogue: Catalogue, tmp_path: Path) -> None:
+    store = LocalStore(tmp_path / "store")
+    mesh = await publish(store, catalogue, make_stream(), Publication("a", "a"))
+    await store.put(stream_key(mesh.stream or ""), b"short")
+    with pytest.raises(StoreError, match="has 5 bytes, the catalogue knows 7"):
+        await kept_of(store, catalogue).find("a")
+
+
+async def test_a_file_that_was_put_anew_is_looked_up_again(catalogue: Catalogue, tmp_path: Path) -> None:
+    store = LocalStore(tmp_path / "store")
+    kept = kept_of(store, catalogue)
+    mesh = await publish(store, catalogue, make_stream(), Publication("a", "a"))
+    assert await whole(kept, "a") == make_stream()
+    await store.put(stream_key(mesh.stream or ""), make_stream())
     await kept.refresh()
-    assert kept.meshes == {}
-    assert "is damaged: its bytes have another SHA-256" in caplog.text
+    assert await whole(kept, "a") == make_stream()
 
 
-async def test_two_servers_see_each_others_meshes(store: Store, catalogue: Catalogue, tmp_path: Path) -> None:
-    second_catalogue = await Catalogue.open(f"sqlite:///{tmp_path}/catalogue.db")
-    first = KeptMeshes(store, catalogue, tmp_path / "first")
-    second = KeptMeshes(store, second_catalogue, tmp_path / "second")
+async def test_what_is_in_memory_is_shown_without_the_catalogue(
+    store: Store, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = kept_of(store, catalogue)
+    await publish(store, catalogue, make_stream(), Publication("a", "a"))
+    await whole(kept, "a")
+
+    def broken(*_: object) -> Callable[..., object]:
+        raise DatabaseUnavailableError("gone")
+
+    monkeypatch.setattr(catalogue.meshes, "updated", broken)
+    monkeypatch.setattr(catalogue.meshes, "get", broken)
+    with pytest.raises(DatabaseUnavailableError):
+        await kept.refresh()
+    assert await whole(kept, "a") == make_stream()
+    with pytest.raises(DatabaseUnavailableError):
+        await kept.find("b")
+
+
+async def test_two_servers_see_each_others_meshes(
+    store: Store,
+    catalogue: Catalogue,
+    database_url: str,  # noqa: F811
+) -> None:
+    second_catalogue = await Catalogue.open(database_url)
+    first, second = kept_of(store, catalogue), kept_of(store, second_catalogue)
     await publish(store, first.catalogue, make_stream(), Publication("a", "a"))
-    await second.refresh()
-    assert set(second.meshes) == {"a"}
+    assert await listed(second) == ["a"]
+    assert await whole(second, "a") == await whole(first, "a") == make_stream()
     await second.catalogue.delete("a")
+    assert await listed(first) == []
     await first.refresh()
-    assert first.meshes == {}
-    await second.close()
+    assert await first.find("a") is None
+    await second_catalogue.close()

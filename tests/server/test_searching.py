@@ -1,10 +1,8 @@
 from datetime import UTC, datetime
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from meshtide_server.catalogue import Box, MeshRecord
+from meshtide_server.catalogue import Box, MeshRecord, MeshState
 from meshtide_server.hosted_mesh import HostedMesh, Source, Status
 from meshtide_server.hosted_stream import load_stream
 from meshtide_server.searching import Search, box_of, parse_box
@@ -32,7 +30,7 @@ MESHES = [
 
 
 def ids(**search: object) -> list[str]:
-    return [mesh.id for mesh in Search(**search).page(MESHES)[0]]  # type: ignore[arg-type]
+    return [mesh.id for mesh in Search(**search).chosen(MESHES)]  # type: ignore[arg-type]
 
 
 def test_words_and_tags() -> None:
@@ -54,30 +52,28 @@ def test_terms_and_moments() -> None:
     assert ids(created_after=datetime(2020, 1, 1, tzinfo=UTC)) == ["bust", "column"]
     assert ids(created_before=datetime(2020, 1, 2, tzinfo=UTC)) == ["amphora"]
     folder_mesh = HostedMesh("a", Source("a"))
-    assert Search(created_before=datetime(2999, 1, 1, tzinfo=UTC)).page([folder_mesh]) == ([], False)
-    assert Search(licence="cc").page([folder_mesh]) == ([], False)
+    assert Search(created_before=datetime(2999, 1, 1, tzinfo=UTC)).chosen([folder_mesh]) == []
+    assert Search(licence="cc").chosen([folder_mesh]) == []
 
 
 def test_levels() -> None:
     ready = HostedMesh("a", Source("a"))
     ready.succeed(load_stream(MemoryStorage(make_stream())))
-    assert Search(fewest_levels=3, most_levels=3).page([ready])[0] == [ready]
-    assert Search(fewest_levels=4).page([ready])[0] == Search(most_levels=2).page([ready])[0] == []
+    assert Search(fewest_levels=3, most_levels=3).chosen([ready]) == [ready]
+    assert Search(fewest_levels=4).chosen([ready]) == Search(most_levels=2).chosen([ready]) == []
+
+
+def test_the_catalogue_is_asked_the_same() -> None:
+    box = Box((0, 0, 0), (1, 1, 1))
+    query = Search("old vase", ("clay",), "cc", Status.READY, smallest=3, most_levels=4, box=box, after="a").query()
+    assert (query.text, query.tags, query.licence, query.states) == ("old vase", ("clay",), "cc", (MeshState.READY,))
+    assert (query.smallest, query.most_levels, query.box, query.after) == (3, 4, box, "a")
+    assert Search().query().states == ()
 
 
 def test_boxes_that_touch() -> None:
     assert len(ids(box=Box((1, 1, 1), (2, 2, 2)))) == 3
     assert ids(box=Box((1.1, 0, 0), (2, 1, 1))) == []
-
-
-@given(limit=st.integers(1, 5))
-def test_pages_are_all_there_is(limit: int) -> None:
-    seen: list[str] = []
-    more = True
-    while more:
-        page, more = Search(after=seen[-1] if seen else "", limit=limit).page(MESHES)
-        seen += [mesh.id for mesh in page]
-    assert seen == ids()
 
 
 @pytest.mark.parametrize("text", ["", "1", "1,2,3,4,5", "1,2,3,4,5,6,7", "a,b,c,d,e,f", "inf,0,0,1,1,1", "0," * 200])

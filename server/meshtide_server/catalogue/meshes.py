@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from meshtide_server.catalogue.rows import MeshQuery
 
 LARGEST_PAGE = 1000
+_AFTER_ALL = "{"
+"""The character after all that an id may hold."""
 
 
 class Meshes:
@@ -63,6 +65,19 @@ class Meshes:
         """
         async with self._database.reading() as connection:
             return await get_mesh(connection, mesh_id)
+
+    async def updated(self, ids: Sequence[str]) -> dict[str, datetime]:
+        """When each of these meshes was last changed; those that are gone are left out."""
+        statement = select(mesh_table.c.id, mesh_table.c.updated).where(mesh_table.c.id.in_(ids))
+        async with self._database.reading() as connection:
+            return {mesh_id: moment(when) for mesh_id, when in (await connection.execute(statement)).all()}
+
+    async def ids(self, prefix: str) -> list[str]:
+        """The ids that begin with `prefix`, in their order."""
+        column = mesh_table.c.id
+        within = and_(column >= prefix, column < prefix + _AFTER_ALL)
+        async with self._database.reading() as connection:
+            return list((await connection.execute(select(column).where(within).order_by(column))).scalars())
 
     async def find_source(self, sha256: str) -> MeshRecord | None:
         """A mesh that was made from the file with that SHA-256, one that is ready before all others."""

@@ -19,6 +19,7 @@ from meshtide_server.catalogue.rows import PacketLocation, StreamRecord, now
 from meshtide_server.catalogue.tables import mesh_table, packet_table, stream_table, unused_table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from datetime import timedelta
 
     from sqlalchemy.ext.asyncio import AsyncConnection
@@ -54,6 +55,12 @@ class Streams:
             size=row["size"],
             packets=tuple(bytes.fromhex(digest) for digest in digests),
         )
+
+    async def present(self, digests: Sequence[str]) -> set[str]:
+        """Those of these streams that are in the catalogue, by SHA-256."""
+        statement = select(stream_table.c.sha256).where(stream_table.c.sha256.in_(digests))
+        async with self._database.reading() as connection:
+            return set((await connection.execute(statement)).scalars())
 
     async def find_packet(self, sha256: str) -> PacketLocation | None:
         """Where a packet lies whose bytes have that SHA-256; None if no mesh's stream has it."""

@@ -7,12 +7,19 @@ MemoryStore(0 objects)
 
 from __future__ import annotations
 
-from meshtide_server.store.errors import InvalidKeyError, MissingObjectError, ObjectRangeError, StoreError
+from meshtide_server.store.errors import (
+    DamagedObjectError,
+    InvalidKeyError,
+    MissingObjectError,
+    ObjectRangeError,
+    StoreError,
+)
 from meshtide_server.store.keys import check_key, source_key, stream_key
 from meshtide_server.store.opening import open_store
 from meshtide_server.store.protocol import ObjectInfo, Store
 
 __all__ = [
+    "DamagedObjectError",
     "InvalidKeyError",
     "MissingObjectError",
     "ObjectInfo",

@@ -5,6 +5,7 @@
     TransferError
     └── StoreError                 the store did not do what it was asked to
         ├── MissingObjectError     there is no object of that key
+        ├── DamagedObjectError     the bytes of an object are not those that were put
         ├── ObjectRangeError       the range lies outside of the object (also a ValueError)
         └── InvalidKeyError        the key is not one (also a ValueError)
 """
@@ -28,6 +29,10 @@ class MissingObjectError(StoreError):
     def __init__(self, key: str) -> None:
         self.key = key
         super().__init__(f"there is no object {key!r} in the store")
+
+
+class DamagedObjectError(StoreError):
+    """The bytes of an object are not those that were put."""
 
 
 class ObjectRangeError(StoreError, ValueError):

@@ -92,7 +92,7 @@ def _upload(url: str, turn: int, *, folder: Path, acknowledged: dict[str, int], 
 def _final_states(url: str, wanted: dict[str, int]) -> dict[str, str]:
     deadline = time.monotonic() + DEADLINE_SECONDS
     while True:
-        states = {row["id"]: row["status"] for row in httpx.get(f"{url}/meshes").json()}
+        states = {row["id"]: row["status"] for row in httpx.get(f"{url}/meshes", params={"limit": 1000}).json()}
         if all(states.get(mesh) == "ready" for mesh in wanted) or time.monotonic() > deadline:
             return states
         time.sleep(0.5)

@@ -1,0 +1,167 @@
+import asyncio
+import hashlib
+from itertools import pairwise
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from meshtide_codec.stream.container import ContainerReader
+from meshtide_server import store_storage
+from meshtide_server.block_cache import BlockCache
+from meshtide_server.storage import AbsentError
+from meshtide_server.store import DamagedObjectError, MissingObjectError, StoreError
+from meshtide_server.store.memory import MemoryStore
+from meshtide_server.store_storage import StoreStorage
+
+from .conftest import make_stream
+
+KEY = "streams/a.tide"
+SIZES = (400, 30, 40, 2000, 50, 5000)
+WHOLE = make_stream()
+
+
+class Watched(MemoryStore):
+    """Notes which ranges were asked for, and may die or damage what it returns."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ranges: list[tuple[int, int]] = []
+        self.dead = False
+        self.cut = 0
+        self.flipped = False
+
+    async def get_range(self, key: str, start: int, end: int) -> bytes:
+        self.ranges.append((start, end))
+        await asyncio.sleep(0.001)
+        if self.dead:
+            raise StoreError("the store is gone")
+        data = bytearray(await super().get_range(key, start, end))
+        if self.flipped:
+            data[len(data) // 2] ^= 1
+        return bytes(data[: len(data) - self.cut])
+
+
+async def stored(
+    data: bytes = WHOLE, budget: int = 1 << 20, block: int = 2200, monkeypatch: pytest.MonkeyPatch | None = None
+) -> tuple[StoreStorage, Watched]:
+    """A stream in a store, in blocks of up to `block` bytes."""
+    if monkeypatch is not None:
+        monkeypatch.setattr(store_storage, "BLOCK_BYTES", block)
+    reader = ContainerReader()
+    packets = reader.feed(data)
+    assert reader.header is not None
+    store = Watched()
+    await store.put(KEY, data)
+    digests = tuple(hashlib.sha256(packet.payload).digest() for packet in packets)
+    storage = StoreStorage(store, KEY, reader.header, reader.header_bytes, digests, BlockCache(budget))
+    return storage, store
+
+
+async def test_whole_packets_are_fetched_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    storage, store = await stored(monkeypatch=monkeypatch)
+    front = len(storage.front)
+    assert [start - front for start in storage.starts] == [0, 470, 2520, 7520]
+    assert storage.size == len(WHOLE)
+    with storage.open() as first, storage.open() as second:
+        assert await first.fetch(0, front) == WHOLE[:front]
+        assert store.ranges == []
+        assert await first.fetch(0, len(WHOLE)) == WHOLE
+        assert await second.fetch(0, len(WHOLE)) == WHOLE
+        assert second.read(10, len(WHOLE) - 3) == WHOLE[10:-3]
+    assert store.ranges == list(pairwise(storage.starts))
+    assert storage.unchanged()
+
+
+async def test_reading_waits_for_nothing_and_loading_brings_what_it_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    storage, store = await stored(monkeypatch=monkeypatch)
+    start = storage.starts[1]
+    with storage.open() as opened:
+        with pytest.raises(AbsentError):
+            opened.read(start, start + 5)
+        await opened.load()
+        storage.cache.forget(KEY)  # others may have taken its room before this reader's turn comes
+        assert opened.read(start, start + 5) == WHOLE[start : start + 5]
+        with pytest.raises(AbsentError):
+            opened.read(start, start + 5)
+    assert store.ranges == [(storage.starts[1], storage.starts[2])]
+
+
+@given(st.integers(0, len(WHOLE)), st.integers(0, len(WHOLE)), st.integers(1, 8000))
+async def test_any_range_is_that_of_the_file(first: int, second: int, block: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        storage, _ = await stored(block=block, monkeypatch=patch)
+    start, end = sorted((first, second))
+    with storage.open() as opened:
+        assert await opened.fetch(start, end) == WHOLE[start:end]
+
+
+async def test_a_hot_stream_asks_the_store_once_for_all_its_readers(monkeypatch: pytest.MonkeyPatch) -> None:
+    storage, store = await stored(monkeypatch=monkeypatch)
+
+    async def read() -> bytes:
+        with storage.open() as opened:
+            return await opened.fetch(0, storage.size)
+
+    assert await asyncio.gather(*(read() for _ in range(100))) == [WHOLE] * 100
+    assert len(store.ranges) == 3
+
+
+async def test_a_large_stream_takes_no_more_memory_than_it_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = make_stream(3, (40_000, 50_000, 60_000, 30_000, 20_000, 50_000))
+    storage, store = await stored(data, budget=100_000, block=60_000, monkeypatch=monkeypatch)
+    random = Random(1)
+    most = 0
+
+    async def read() -> None:
+        nonlocal most
+        with storage.open() as opened:
+            for _ in range(20):
+                start = random.randrange(len(data) - 1000)
+                assert await opened.fetch(start, start + 1000) == data[start : start + 1000]
+                most = max(most, storage.cache.held)
+
+    await asyncio.gather(*(read() for _ in range(10)))
+    assert 60_000 <= most <= 100_000
+    assert len(store.ranges) > 6
+
+
+async def test_a_store_that_dies_ends_in_an_error_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    storage, store = await stored(monkeypatch=monkeypatch)
+    middle = storage.starts[1]
+    with storage.open() as opened:
+        assert await opened.fetch(0, middle) == WHOLE[:middle]
+        store.dead = True
+        with pytest.raises(StoreError, match="the store is gone"):
+            await opened.fetch(middle, storage.size)
+        assert await opened.fetch(0, middle) == WHOLE[:middle]
+        store.dead = False
+        assert await opened.fetch(middle, storage.size) == WHOLE[middle:]
+    await store.delete(KEY)
+    storage.cache.forget(KEY)
+    with storage.open() as opened, pytest.raises(MissingObjectError):
+        await opened.fetch(middle, storage.size)
+
+
+@pytest.mark.parametrize("fault", ["cut", "flipped"])
+async def test_wrong_or_short_bytes_are_an_error_and_not_kept(
+    fault: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    storage, store = await stored(monkeypatch=monkeypatch)
+    store.cut, store.flipped = (7, False) if fault == "cut" else (0, True)
+    expected = (
+        "2043 bytes came of the 2050" if fault == "cut" else r"packet 3 \(Map&Conn, level 0\) at byte \d+ has another"
+    )
+    with storage.open() as opened, pytest.raises(DamagedObjectError, match=expected):
+        await opened.fetch(storage.starts[1], storage.starts[1] + 1)
+    assert (storage.cache.held, len(storage.cache)) == (0, 0)
+    assert "is damaged" in caplog.text
+    store.cut, store.flipped = 0, False
+    with storage.open() as opened:
+        assert await opened.fetch(0, storage.size) == WHOLE
+
+
+async def test_a_packet_that_never_fits_is_told_at_once() -> None:
+    with pytest.raises(StoreError, match="has a packet of 5000 bytes, and the cache takes 4999; raise MESHTIDE_STORE_"):
+        await stored(budget=4999)
