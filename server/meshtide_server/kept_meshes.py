@@ -42,6 +42,14 @@ KNOWN_PACKETS = 1 << 16
 """Packets of the streams that are, at most; each takes about half a kilobyte."""
 
 
+ATTEMPTS = 3
+"""How often a mesh is looked up that is replaced while it is."""
+
+
+class _StreamGoneError(StoreError):
+    """A stream has left the catalogue since it was named."""
+
+
 class KeptMeshes:
     """The meshes of one store and catalogue.
 
@@ -96,7 +104,10 @@ class KeptMeshes:
         if known is not None:
             return known
         location = await self.catalogue.streams.find_packet(digest.hex())
-        return PacketPlace(await self._stream(location.stream), location.position) if location is not None else None
+        try:
+            return PacketPlace(await self._stream(location.stream), location.position) if location is not None else None
+        except _StreamGoneError:
+            return None
 
     async def page(self, search: Search, without: Container[str], limit: int) -> tuple[list[HostedMesh], bool]:
         """The meshes that are asked for, in the order of their ids, and whether there are more.
@@ -169,20 +180,25 @@ class KeptMeshes:
         await self.catalogue.close()
 
     async def _look_up(self, mesh_id: str) -> HostedMesh | None:
-        begun = self._round
-        try:
-            record = await self.catalogue.meshes.get(mesh_id)
-        except UnknownMeshError:
-            return None
-        if record.state != MeshState.READY or record.stream is None:
-            return shown(record)
-        stream = await self._stream(record.stream)
-        if begun == self._round:
-            self._records[mesh_id] = record
-            self._records.move_to_end(mesh_id)
-            if len(self._records) > KNOWN:
-                self._records.popitem(last=False)
-        return shown(record, stream)
+        for _ in range(ATTEMPTS):
+            begun = self._round
+            try:
+                record = await self.catalogue.meshes.get(mesh_id)
+            except UnknownMeshError:
+                return None
+            if record.state != MeshState.READY or record.stream is None:
+                return shown(record)
+            try:
+                stream = await self._stream(record.stream)
+            except _StreamGoneError:  # replaced or deleted in this moment
+                continue
+            if begun == self._round:
+                self._records[mesh_id] = record
+                self._records.move_to_end(mesh_id)
+                if len(self._records) > KNOWN:
+                    self._records.popitem(last=False)
+            return shown(record, stream)
+        raise StoreError(f"the stream of {mesh_id} left the catalogue {ATTEMPTS} times; what replaces it all the time?")
 
     async def _stream(self, sha256: str) -> HostedStream:
         known = self._streams.get(sha256)
@@ -191,7 +207,7 @@ class KeptMeshes:
     async def _look_up_stream(self, sha256: str) -> HostedStream:
         record = await self.catalogue.streams.get(sha256)
         if record is None:
-            raise StoreError(f"stream {sha256} has left the catalogue; its mesh will follow")
+            raise _StreamGoneError(f"stream {sha256} has left the catalogue")
         header = await asyncio.to_thread(StreamHeader.from_bytes, record.header)
         storage: Storage
         if isinstance(self.store, LocalStore):

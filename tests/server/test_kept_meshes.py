@@ -103,11 +103,12 @@ async def test_what_was_changed_by_then_is_forgotten(store: Store, catalogue: Ca
     assert await whole(kept, "a") == make_stream(2)
 
 
-async def test_what_was_read_before_a_refresh_is_not_kept_after_it(
-    store: Store, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("same_stream", [False, True])
+async def test_what_changes_while_it_is_looked_up(
+    store: Store, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch, *, same_stream: bool
 ) -> None:
     kept = kept_of(store, catalogue)
-    await publish(store, catalogue, make_stream(1), Publication("a", "a.obj"))
+    await publish(store, catalogue, make_stream(1), Publication("a", "old.obj"))
     get, go = catalogue.meshes.get, asyncio.Event()
 
     async def slow(mesh_id: str) -> MeshRecord:
@@ -118,12 +119,29 @@ async def test_what_was_read_before_a_refresh_is_not_kept_after_it(
     monkeypatch.setattr(catalogue.meshes, "get", slow)
     reading = asyncio.create_task(kept.find("a"))
     await asyncio.sleep(0.05)
-    await publish(store, catalogue, make_stream(2), Publication("a", "a.obj"))
+    await publish(store, catalogue, make_stream(1 if same_stream else 2), Publication("a", "new.obj"))
     await kept.refresh()
     go.set()
-    assert await reading is not None
-    assert kept.known("a") is None
-    assert await whole(kept, "a") == make_stream(2)
+    found = await reading
+    assert found is not None
+    assert found.source.name == ("old.obj" if same_stream else "new.obj")
+    assert (kept.known("a") is None) == same_stream  # what was read before the refresh is not kept after it
+    again = await kept.find("a")
+    assert again is not None
+    assert again.source.name == "new.obj"
+
+
+async def test_a_stream_that_is_always_gone_is_told(
+    store: Store, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await publish(store, catalogue, make_stream(1), Publication("a", "a.obj"))
+
+    async def nothing(_: str) -> None:
+        return None
+
+    monkeypatch.setattr(catalogue.streams, "get", nothing)
+    with pytest.raises(StoreError, match="left the catalogue 3 times"):
+        await kept_of(store, catalogue).find("a")
 
 
 async def test_packets_are_found_wherever_they_are_known(store: Store, catalogue: Catalogue) -> None:
