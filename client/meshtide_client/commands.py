@@ -225,7 +225,8 @@ def ingest(
         ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="Encode in so many processes here; default: one a processor.")
+        int | None,
+        typer.Option(min=1, max=1024, help="Encode in so many processes here; default: one a processor, 8 at most."),
     ] = None,
     distributed: Annotated[
         str | None, typer.Option(help="Encode on the Dask cluster of the scheduler tcp://host:8786 (extra dask).")

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import psutil
 import pytest
 
+from bulk_ingests import BITS, PROFILE, chosen, expected_stream, kept_in, small_meshes
 from meshtide_codec.errors import OptionError, TransferError
 from meshtide_server.bulk_ingest.bulk_ingest import BulkIngest, KnownMesh
-
-from .bulk_ingests import BITS, PROFILE, chosen, expected_stream, kept_in, small_meshes
 
 if TYPE_CHECKING:
     from pathlib import Path

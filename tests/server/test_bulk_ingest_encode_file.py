@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from bulk_ingests import BITS, PROFILE, chosen, expected_stream, small_meshes
 from meshtide_server.bulk_ingest import encode_file as module
 from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask, encode_file
 from meshtide_server.bulk_ingest.idle_encoders import end_idle_encoders
-from meshtide_server.encoder_process import Encoded, EncodingFailedError
+from meshtide_server.encoder_process import Encoded, EncodingFailedError, ProcessLimits
 from meshtide_server.stream_cache import EncodingOptions, codec_digest
 from meshtide_server.upload_checks import UploadLimits
-
-from .bulk_ingests import BITS, PROFILE, chosen, expected_stream, small_meshes
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
@@ -31,7 +30,7 @@ def _file(tmp_path: Path) -> Path:
 
 def task_for(file: Path) -> FileTask:
     options = EncodingOptions(BITS, PROFILE)
-    return FileTask(file, chosen(file).digest, options, UploadLimits(1000, 1000), 0, 60.0, codec_digest())
+    return FileTask(file, chosen(file).digest, options, UploadLimits(1000, 1000), ProcessLimits(), 60.0, codec_digest())
 
 
 @pytest.fixture(name="failing")
@@ -51,7 +50,7 @@ def _failing(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[int]]:
                 return Encoded(None, b"stream", ())
 
         @asynccontextmanager
-        async def encoder_taken(_: int) -> AsyncIterator[Encoder]:
+        async def encoder_taken(_: ProcessLimits) -> AsyncIterator[Encoder]:
             yield Encoder()
 
         monkeypatch.setattr(module, "encoder_taken", encoder_taken)

@@ -7,13 +7,14 @@ import pytest
 
 from meshtide_server.bulk_ingest import idle_encoders
 from meshtide_server.bulk_ingest.idle_encoders import encoder_taken, end_idle_encoders
+from meshtide_server.encoder_process import ProcessLimits
 
 
 class Encoder:
     """Stands for an encoder's process."""
 
-    def __init__(self, memory: int) -> None:
-        self.memory = memory
+    def __init__(self, limits: ProcessLimits) -> None:
+        self.limits = limits
         self.running = False
         self.closed = asyncio.Event()
 
@@ -28,7 +29,7 @@ def _encoders(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 async def use(memory: int, *, dies: bool = False) -> Any:
-    async with encoder_taken(memory) as encoder:
+    async with encoder_taken(ProcessLimits(memory)) as encoder:
         encoder.running = not dies  # type: ignore[misc]
         return encoder
 
@@ -37,7 +38,8 @@ async def test_an_idle_encoder_is_taken_again_by_whoever_wants_its_limit() -> No
     first = await use(5)
     assert await use(5) is first
     assert await use(6) is not first
-    async with encoder_taken(5) as one, encoder_taken(5) as other:
+    five = ProcessLimits(5)
+    async with encoder_taken(five) as one, encoder_taken(five) as other:
         assert one is first
         assert other is not first
     await end_idle_encoders()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from bulk_ingests import Chosen, chosen
 from meshtide_codec.errors import TransferError
 from meshtide_server.bulk_ingest import ingestion as module
 from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask
@@ -18,7 +19,6 @@ from meshtide_server.settings import Settings
 from meshtide_server.store import StoreError, stream_key
 from meshtide_server.store.memory import MemoryStore
 
-from .bulk_ingests import Chosen, chosen
 from .conftest import make_stream
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from meshtide_server.bulk_ingest import local_workers
 from meshtide_server.bulk_ingest.encode_file import FileOutcome
-from meshtide_server.bulk_ingest.local_workers import LocalWorkers, usable_processors
+from meshtide_server.bulk_ingest.local_workers import LocalWorkers
 
 if TYPE_CHECKING:
     import pytest
@@ -30,8 +30,3 @@ async def test_no_more_files_are_encoded_at_a_time_than_there_are_workers(monkey
     assert outcomes == [FileOutcome(bytes([number])) for number in range(10)]
     assert most == 3
     assert workers.capacity > 3
-
-
-def test_there_is_one_worker_a_processor() -> None:
-    assert usable_processors() >= 1
-    assert LocalWorkers().capacity == LocalWorkers(usable_processors()).capacity

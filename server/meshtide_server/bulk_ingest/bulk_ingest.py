@@ -57,7 +57,7 @@ class BulkIngest:
         profile: "compact" or "classic".
         tags: of all meshes.
         licence: the text of their terms.
-        workers: processes that encode here, or None for one a processor.
+        workers: processes that encode here, or None for as many as a server has.
         scheduler: address of a Dask cluster that encodes instead.
         patience: seconds to wait for the cluster.
 
@@ -154,7 +154,7 @@ class BulkIngest:
 
     async def _encoders(self) -> LocalWorkers | DaskCluster:
         if self._scheduler is None:
-            return LocalWorkers(self._workers)
+            return LocalWorkers(self._workers or self._settings.encoder_processes)
         from meshtide_server.bulk_ingest.dask_cluster import DaskCluster  # noqa: PLC0415 - needs an extra
 
         return await DaskCluster.connect(self._scheduler, self._patience)

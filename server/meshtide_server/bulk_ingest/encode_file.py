@@ -23,6 +23,7 @@ from meshtide_server.stream_cache import EncodingOptions, codec_digest, file_dig
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
+    from meshtide_server.encoder_process import ProcessLimits
     from meshtide_server.upload_checks import UploadLimits
 
 ATTEMPTS = 2
@@ -38,7 +39,7 @@ class FileTask:
         digest: SHA-256 of its content, in hexadecimal.
         options: how to encode it.
         limits: what it may claim.
-        memory: bytes of data that its encoder may have in memory; 0: no limit.
+        process: what its encoder's process may take.
         seconds: how long it may take.
         codec: digest of the codec that is to encode it; see `codec_digest`.
     """
@@ -47,7 +48,7 @@ class FileTask:
     digest: str
     options: EncodingOptions
     limits: UploadLimits
-    memory: int
+    process: ProcessLimits
     seconds: float
     codec: str
 
@@ -88,7 +89,7 @@ async def _encode(task: FileTask, path: Path) -> FileOutcome:
     reason = ""
     for _ in range(ATTEMPTS):
         try:
-            async with asyncio.timeout(task.seconds), encoder_taken(task.memory) as encoder:
+            async with asyncio.timeout(task.seconds), encoder_taken(task.process) as encoder:
                 return FileOutcome((await encoder.encode(job, lambda *_: None)).data)
         except TimeoutError:
             return FileOutcome(error=f"it took longer than {task.seconds:g} s (MESHTIDE_JOB_SECONDS)")

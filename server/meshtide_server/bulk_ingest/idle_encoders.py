@@ -11,10 +11,12 @@ from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-from meshtide_server.encoder_process import EncoderProcess, ProcessLimits
+from meshtide_server.encoder_process import EncoderProcess
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
+
+    from meshtide_server.encoder_process import ProcessLimits
 
 IDLE_SECONDS = 20.0
 
@@ -23,21 +25,21 @@ class _IdleEncoders:
     """The idle encoders of one event loop, each with the timer that ends it."""
 
     def __init__(self) -> None:
-        self._idle: dict[int, list[tuple[EncoderProcess, asyncio.Task[None]]]] = {}
+        self._idle: dict[ProcessLimits, list[tuple[EncoderProcess, asyncio.Task[None]]]] = {}
 
-    def take(self, memory: int) -> EncoderProcess:
-        waiting = self._idle.get(memory)
+    def take(self, limits: ProcessLimits) -> EncoderProcess:
+        waiting = self._idle.get(limits)
         if not waiting:
-            return EncoderProcess(ProcessLimits(memory))
+            return EncoderProcess(limits)
         encoder, timer = waiting.pop()
         timer.cancel()
         return encoder
 
-    def give_back(self, memory: int, encoder: EncoderProcess) -> None:
+    def give_back(self, limits: ProcessLimits, encoder: EncoderProcess) -> None:
         if not encoder.running:
             return
-        timer = asyncio.create_task(self._end_later(memory, encoder), name="end an idle encoder")
-        self._idle.setdefault(memory, []).append((encoder, timer))
+        timer = asyncio.create_task(self._end_later(limits, encoder), name="end an idle encoder")
+        self._idle.setdefault(limits, []).append((encoder, timer))
 
     async def end_all(self) -> None:
         waiting = [pair for pairs in self._idle.values() for pair in pairs]
@@ -46,9 +48,9 @@ class _IdleEncoders:
             timer.cancel()
             await encoder.close()
 
-    async def _end_later(self, memory: int, encoder: EncoderProcess) -> None:
+    async def _end_later(self, limits: ProcessLimits, encoder: EncoderProcess) -> None:
         await asyncio.sleep(IDLE_SECONDS)
-        self._idle[memory] = [pair for pair in self._idle[memory] if pair[0] is not encoder]
+        self._idle[limits] = [pair for pair in self._idle[limits] if pair[0] is not encoder]
         await encoder.close()
 
 
@@ -56,18 +58,18 @@ _of_loops: WeakKeyDictionary[asyncio.AbstractEventLoop, _IdleEncoders] = WeakKey
 
 
 @asynccontextmanager
-async def encoder_taken(memory: int) -> AsyncIterator[EncoderProcess]:
+async def encoder_taken(limits: ProcessLimits) -> AsyncIterator[EncoderProcess]:
     """An encoder that nobody else has meanwhile.
 
     Args:
-        memory: bytes of data that its process may have at most; 0: as much as there is.
+        limits: what its process may take.
     """
     idle = _of_loops.setdefault(asyncio.get_running_loop(), _IdleEncoders())
-    encoder = idle.take(memory)
+    encoder = idle.take(limits)
     try:
         yield encoder
     finally:
-        idle.give_back(memory, encoder)
+        idle.give_back(limits, encoder)
 
 
 async def end_idle_encoders() -> None:

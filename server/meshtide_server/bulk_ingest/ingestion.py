@@ -17,6 +17,7 @@ from meshtide_codec.errors import MeshFileError, MeshtideError, TransferError
 from meshtide_codec.limits import Limits
 from meshtide_server.bulk_ingest.encode_file import FileTask
 from meshtide_server.catalogue import DatabaseUnavailableError, MeshExistsError, MeshState
+from meshtide_server.encoder_process import ProcessLimits
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.identifiers import unique_id
 from meshtide_server.publishing import Publication, publish
@@ -174,7 +175,7 @@ class Ingestion:
             chosen.digest,
             EncodingOptions(settings.bits, settings.profile),
             UploadLimits(settings.max_vertices, settings.max_faces),
-            settings.job_memory,
+            ProcessLimits(settings.job_memory, settings.job_processor_seconds),
             settings.job_seconds,
             codec_digest(),
         )

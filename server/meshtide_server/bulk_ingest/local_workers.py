@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from typing import TYPE_CHECKING
 
 from meshtide_server.bulk_ingest.encode_file import encode_file
@@ -17,12 +16,12 @@ class LocalWorkers:
     """Worker processes on this machine.
 
     Args:
-        count: how many, or None for one a processor.
+        count: how many.
     """
 
-    def __init__(self, count: int | None = None) -> None:
-        self._count = count or usable_processors()
-        self._free = asyncio.Semaphore(self._count)
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._free = asyncio.Semaphore(count)
 
     @property
     def capacity(self) -> int:
@@ -37,10 +36,3 @@ class LocalWorkers:
     async def close(self) -> None:
         """End the processes."""
         await end_idle_encoders()
-
-
-def usable_processors() -> int:
-    """How many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from meshtide_client.ingest_display import ingest_display, print_ingested
+from meshtide_client.ingest_plan import Ingested
+
+RESULTS = [
+    Ingested(Path("a.ply"), "a", "done"),
+    Ingested(Path("b.ply"), "a", "kept"),
+    Ingested(Path("[bold].ply"), None, "failed", "no [mesh]"),
+]
+
+
+def test_the_end_is_a_line_or_a_json_object(capsys: pytest.CaptureFixture[str]) -> None:
+    assert print_ingested(RESULTS, {"store": "kept"}, as_json=False) == 1
+    assert capsys.readouterr().out == "1 ingested, 1 there before, 1 failed\n"
+    assert print_ingested(RESULTS[:2], {"store": "kept"}, as_json=True) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "store": "kept",
+        "done": 1,
+        "kept": 1,
+        "failed": 0,
+        "files": [
+            {"file": "a.ply", "mesh": "a", "state": "done", "error": None},
+            {"file": "b.ply", "mesh": "a", "state": "kept", "error": None},
+        ],
+    }
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_failures_are_told_as_they_come_unless_they_come_as_json(
+    quiet: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with ingest_display(len(RESULTS), quiet=quiet) as tell:
+        for result in RESULTS:
+            tell(result)
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.strip() == ("" if quiet else "[bold].ply: no [mesh]")
