@@ -92,6 +92,11 @@ STEPS: tuple[tuple[str, ...], ...] = (
         "CREATE INDEX job_by_mesh ON job (mesh_id)",
         "CREATE TABLE unused_stream (sha256 TEXT PRIMARY KEY, since BIGINT NOT NULL)",
     ),
+    (  # what is counted every few seconds, and what a catalogue of many meshes is searched by
+        "CREATE INDEX mesh_by_state ON mesh (state, id)",
+        "CREATE INDEX mesh_by_created ON mesh (created)",
+        "CREATE INDEX mesh_by_vertices ON mesh (vertices)",
+    ),
 )
 
 
