@@ -119,5 +119,6 @@ class JobRunner:
             self._worked = time.monotonic()
             try:
                 await self._kept.refresh()
-            except MeshtideError as error:
-                logger.warning("the meshes cannot be brought up to date now: %s", error)
+                await self._kept.catalogue.sources.collect(job.source_key, self._kept.store.delete)
+            except MeshtideError as error:  # both are done again later
+                logger.warning("the end of job %s could not be tidied up: %s", job.id, error)

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.stream.header import StreamHeader
 from meshtide_server.catalogue import MeshState, UnknownMeshError
-from meshtide_server.catalogue.rows import now
 from meshtide_server.hosted_mesh import HostedMesh, Source
 from meshtide_server.hosted_stream import HostedStream
 from meshtide_server.identifiers import is_id
@@ -29,7 +28,6 @@ from meshtide_server.store_storage import StoreStorage
 
 if TYPE_CHECKING:
     from collections.abc import Container
-    from datetime import datetime
 
     from meshtide_server.block_cache import BlockCache
     from meshtide_server.catalogue import Catalogue, MeshRecord
@@ -70,7 +68,6 @@ class KeptMeshes:
         self._packets = PacketIndex()
         self._packet_count = 0
         self._refreshing = asyncio.Lock()
-        self._refreshed: datetime | None = None
         self._round = 0
         """Of refreshes; what was read before the last one began is not kept."""
         self._meshes_sought: SingleFlight[str, HostedMesh | None] = SingleFlight()
@@ -136,17 +133,18 @@ class KeptMeshes:
             DatabaseUnavailableError: the catalogue does not answer; nothing was changed.
         """
         async with self._refreshing:
-            begun = now()
             await self._refresh()
-            self._refreshed = begun
 
-    async def refresh_since(self, moment: datetime) -> None:
-        """Forget what had changed at `moment`, unless that was done since.
+    async def refresh_mesh(self, mesh_id: str) -> None:
+        """Forget one mesh if it has changed in the catalogue since it was looked up.
 
         Raises:
             DatabaseUnavailableError: the catalogue does not answer; nothing was changed.
         """
-        if self._refreshed is None or self._refreshed <= moment:
+        record = self._records.get(mesh_id)
+        if record is None:
+            self._round += 1  # what is being looked up now may be older than what has just changed
+        elif (await self.catalogue.meshes.updated([mesh_id])).get(mesh_id) != record.updated:
             await self.refresh()
 
     async def _refresh(self) -> None:

@@ -39,6 +39,7 @@ from meshtide_server.stream_cache import (
     name_prefix,
     stream_key,
 )
+from meshtide_server.uploads import collect_orphans
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -51,7 +52,7 @@ logger = logging.getLogger("meshtide.server")
 Result = TypeVar("Result")
 
 COLLECT_SECONDS = 600.0
-"""How often streams that no mesh has are looked for in the store."""
+"""How often streams that no mesh has, and uploads that no job needs, are looked for in the store."""
 REPORT_SECONDS = 5.0
 """Progress within a stage is logged at most this often."""
 
@@ -218,15 +219,17 @@ class Library:
         await self.kept.refresh()
 
     async def _follow_catalogue(self, kept: KeptMeshes) -> None:
-        collected = time.monotonic()
+        collected: float | None = None
         while True:
             await asyncio.sleep(self._settings.catalogue_seconds)
             try:
                 await kept.refresh()
-                if time.monotonic() - collected > COLLECT_SECONDS:
+                if collected is None or time.monotonic() - collected > COLLECT_SECONDS:
                     collected = time.monotonic()
                     for sha256 in await collect_unused(kept.store, kept.catalogue):
                         logger.info("deleted stream %s, which no mesh has", sha256)
+                    for key in await collect_orphans(kept.store, kept.catalogue):
+                        logger.info("deleted upload %s, which no job needs", key)
             except MeshtideError as error:
                 logger.warning("the catalogue cannot be followed: %s", error)
             except Exception:

@@ -12,7 +12,8 @@ from http import HTTPStatus
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
 
-from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import Query as QueryParameters
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
@@ -22,8 +23,8 @@ from meshtide_server.catalogue import JobState, MeshExistsError, MeshRecord, Unk
 from meshtide_server.identifiers import unique_id
 from meshtide_server.models import Problem
 from meshtide_server.problems import RefusedError
-from meshtide_server.settings import Profile
-from meshtide_server.uploads import checked_suffix, receive
+from meshtide_server.settings import Profile  # noqa: TC001 - pydantic reads the annotations
+from meshtide_server.uploads import Upload, checked_suffix, receive
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -40,12 +41,17 @@ EVENT_SECONDS = 0.25
 """How often a job is looked at for those who watch it."""
 LONGEST_WATCH_SECONDS = 3600.0
 """Events end after so long; who wants more asks again."""
+LONGEST_TAG = 100
+_PRINTABLE = r"^[^\x00-\x1f\x7f]*$"
+_NO_NUL = r"^[^\x00]*$"
+"""PostgreSQL keeps no text with such a character."""
 _REFUSALS: dict[int | str, dict[str, Any]] = {
     401: {"model": Problem, "description": "No write token was sent, or one that is not known."},
     403: {"model": Problem, "description": "This server takes no writes."},
 }
 _UPLOADS: dict[int | str, dict[str, Any]] = {
     400: {"model": Problem, "description": "There is no body."},
+    408: {"model": Problem, "description": "Nothing of the body came for too long."},
     409: {"model": Problem, "description": "A mesh of that id lies in the server's folder; it cannot be replaced."},
     413: {"model": Problem, "description": "The file is too large."},
     415: {"model": Problem, "description": "No mesh is read from files of that suffix."},
@@ -72,14 +78,6 @@ MeshId = Annotated[
     str, Path(description="Id of a mesh.", pattern=r"^[a-z0-9_][a-z0-9_-]{0,99}$", examples=["stanford-bunny"])
 ]
 JobId = Annotated[str, Path(description="Id of a job.", examples=["7c1e5b0e9d2f4a8c8f3a1b2c3d4e5f60"])]
-FileName = Annotated[
-    str,
-    Query(description="Name of the file; its suffix tells the format.", max_length=200, examples=["scan.ply"]),
-]
-Tags = Annotated[list[str], Query(description="To find it by.", max_length=50)]
-Licence = Annotated[str, Query(description="The text of its terms.", max_length=20000)]
-Bits = Annotated[int | None, Query(description="Bits per coordinate.", ge=SMALLEST_B, le=LARGEST_B)]
-ProfileName = Annotated[Profile | None, Query(description="How it is encoded.")]
 
 
 class JobStatus(BaseModel):
@@ -109,6 +107,35 @@ class JobStatus(BaseModel):
         )
 
 
+class UploadQuery(BaseModel):
+    """What is told of an upload beside its bytes."""
+
+    filename: str = Field(
+        description="Name of the file; its suffix tells the format.",
+        max_length=200,
+        pattern=_PRINTABLE,
+        examples=["scan.ply"],
+    )
+    tag: list[Annotated[str, Field(max_length=LONGEST_TAG, pattern=_PRINTABLE)]] = Field(
+        default=[], description="To find it by.", max_length=50
+    )
+    licence: str = Field(default="", description="The text of its terms.", max_length=20000, pattern=_NO_NUL)
+    bits: int | None = Field(default=None, description="Bits per coordinate.", ge=SMALLEST_B, le=LARGEST_B)
+    profile: Profile | None = Field(default=None, description="How it is encoded.")
+
+    def mesh(self, mesh_id: str, source: Upload) -> MeshRecord:
+        """The mesh as it comes into the catalogue."""
+        name = PurePosixPath(self.filename).name
+        return MeshRecord(mesh_id, name, tuple(sorted(set(self.tag))), self.licence, source=source.sha256)
+
+    def options(self, settings: Settings) -> dict[str, Any]:
+        """How it is to be encoded, as jobs know it."""
+        return {"bits": self.bits or settings.bits, "profile": self.profile or settings.profile}
+
+
+Query = Annotated[UploadQuery, QueryParameters()]
+
+
 @router.post(
     "/meshes",
     status_code=202,
@@ -118,34 +145,20 @@ class JobStatus(BaseModel):
     dependencies=[Depends(require_write)],
     openapi_extra=_BODY,
 )
-async def upload(
-    request: Request,
-    response: Response,
-    filename: FileName,
-    tag: Tags = [],  # noqa: B006 - fastapi copies it
-    licence: Licence = "",
-    bits: Bits = None,
-    profile: ProfileName = None,
-) -> JobStatus:
+async def upload(request: Request, response: Response, query: Query) -> JobStatus:
     """Upload a mesh file, or a .tide file, as the body; its id is made of the file's name.
 
     curl --data-binary @scan.ply -H "Authorization: Bearer TOKEN" "http://host:8000/meshes?filename=scan.ply"
     """
-    kept = _kept(request)
-    name = PurePosixPath(filename)
-    suffix = checked_suffix(filename)
-    source = await receive(request.stream(), suffix, kept.store, _settings(request).max_upload)
-    options = _options(request, bits, profile)
+    name = PurePosixPath(query.filename)
+    source = await _received(request, query)
     taken = await _library(request).taken_ids(name.stem)
     while True:
-        mesh_id = unique_id(name.stem, suffix, taken)
-        mesh = MeshRecord(mesh_id, name.name, tuple(sorted(set(tag))), licence, source=source.sha256)
+        mesh_id = unique_id(name.stem, name.suffix.lower(), taken)
         try:
-            _, job = await kept.catalogue.add_with_job(mesh, source.key, options)
+            return await _accepted(request, response, query, mesh_id, source, replace=False)
         except MeshExistsError:
             taken.add(mesh_id)
-        else:
-            return _accepted(request, response, job)
 
 
 @router.put(
@@ -157,24 +170,11 @@ async def upload(
     dependencies=[Depends(require_write)],
     openapi_extra=_BODY,
 )
-async def put_mesh(
-    request: Request,
-    response: Response,
-    mesh_id: MeshId,
-    filename: FileName,
-    tag: Tags = [],  # noqa: B006 - fastapi copies it
-    licence: Licence = "",
-    bits: Bits = None,
-    profile: ProfileName = None,
-) -> JobStatus:
+async def put_mesh(request: Request, response: Response, mesh_id: MeshId, query: Query) -> JobStatus:
     """Upload a mesh file, or a .tide file, under an id of your own; a published mesh of that id is replaced."""
-    kept = _kept(request)
     _refuse_folder_mesh(request, mesh_id)
-    suffix = checked_suffix(filename)
-    source = await receive(request.stream(), suffix, kept.store, _settings(request).max_upload)
-    mesh = MeshRecord(mesh_id, PurePosixPath(filename).name, tuple(sorted(set(tag))), licence, source=source.sha256)
-    _, job = await kept.catalogue.add_with_job(mesh, source.key, _options(request, bits, profile), replace=True)
-    return _accepted(request, response, job)
+    source = await _received(request, query)
+    return await _accepted(request, response, query, mesh_id, source, replace=True)
 
 
 @router.delete(
@@ -193,11 +193,14 @@ async def delete_mesh(request: Request, mesh_id: MeshId) -> None:
     """Delete a published mesh, with its jobs; its stream goes with the last mesh that has the same."""
     kept = _kept(request)
     _refuse_folder_mesh(request, mesh_id)
+    sources = {job.source_key for job in await kept.catalogue.jobs.list(mesh_id=mesh_id)}
     try:
         await kept.catalogue.delete(mesh_id)
     except UnknownMeshError as error:
         raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-mesh", f"no mesh {mesh_id!r} is published here") from error
     await kept.refresh()
+    for key in sources:
+        await kept.catalogue.sources.collect(key, kept.store.delete)
 
 
 @router.get(
@@ -251,16 +254,30 @@ async def _events(request: Request, job: Job) -> AsyncIterator[str]:
             return
 
 
-def _accepted(request: Request, response: Response, job: Job) -> JobStatus:
+async def _received(request: Request, query: UploadQuery) -> Upload:
+    """The body of an upload, in the store."""
+    kept, settings = _kept(request), _settings(request)
+    return await receive(
+        request.stream(),
+        checked_suffix(query.filename),
+        kept.store,
+        kept.catalogue,
+        limit=settings.max_upload,
+        stall_seconds=settings.upload_stall_timeout,
+    )
+
+
+async def _accepted(
+    request: Request, response: Response, query: UploadQuery, mesh_id: str, source: Upload, *, replace: bool
+) -> JobStatus:
+    """Queue the job of an upload, and answer that it is taken."""
+    _, job = await _kept(request).catalogue.add_with_job(
+        query.mesh(mesh_id, source), source.key, query.options(_settings(request)), replace=replace, note=source.note
+    )
     runner: JobRunner = request.app.state.jobs
     runner.notify()
     response.headers["Location"] = f"/jobs/{job.id}"
     return JobStatus.of(job)
-
-
-def _options(request: Request, bits: int | None, profile: Profile | None) -> dict[str, Any]:
-    settings = _settings(request)
-    return {"bits": bits or settings.bits, "profile": profile or settings.profile}
 
 
 async def _job(request: Request, job_id: str) -> Job:
@@ -268,10 +285,10 @@ async def _job(request: Request, job_id: str) -> Job:
     kept = _kept(request)
     try:
         job = await kept.catalogue.jobs.get(job_id)
-    except UnknownJobError as error:
+        if job.state == JobState.DONE:
+            await kept.refresh_mesh(job.mesh_id)
+    except (UnknownJobError, UnknownMeshError) as error:
         raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-job", f"there is no job {job_id[:64]!r}") from error
-    if job.state == JobState.DONE and job.finished is not None:
-        await kept.refresh_since(job.finished)
     return job
 
 

@@ -136,6 +136,9 @@ class Settings(BaseSettings):
     )
 
     max_upload: int = Field(default=1 << 30, ge=1, description="Bytes of an uploaded file at most.")
+    upload_stall_timeout: float = Field(
+        default=30.0, gt=0.0, description="Seconds that the next bytes of an upload may be waited for."
+    )
     max_vertices: int = Field(default=1 << 26, ge=1, description="Vertices of an uploaded mesh at most.")
     max_faces: int = Field(default=1 << 27, ge=1, description="Faces of an uploaded mesh at most.")
     max_decode_memory: int = Field(

@@ -1,7 +1,8 @@
 """Uploads: a request's body becomes an object of the store, known by the SHA-256 of its bytes.
 
 The body goes to a temporary file while it is counted and hashed, so an upload of any size takes little memory, and one
-that is too large, or that ends early, leaves nothing behind. Only then is it put into the store, whole.
+that is too large, ends early, or comes to a standstill, leaves nothing behind. Only then is it put into the store,
+whole. There it stays until no job needs it any more; what a server that was killed has left is looked for now and then.
 """
 
 from __future__ import annotations
@@ -15,14 +16,17 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, BinaryIO, cast
 
 from meshtide_codec.files import is_mesh_path
+from meshtide_server.catalogue.catalogue import UNUSED_FOR
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.problems import RefusedError
 from meshtide_server.store import MissingObjectError
-from meshtide_server.store.keys import source_key
+from meshtide_server.store.keys import SOURCES, source_key
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
+    from datetime import timedelta
 
+    from meshtide_server.catalogue import Catalogue
     from meshtide_server.store import Store
 
 CHUNK = 1 << 20
@@ -38,11 +42,13 @@ class Upload:
         key: of the object.
         sha256: of its bytes, in hexadecimal.
         size: how many there are.
+        note: in the catalogue, that the object is needed; `Catalogue.add_with_job` takes it.
     """
 
     key: str
     sha256: str
     size: int
+    note: str
 
 
 def checked_suffix(filename: str) -> str:
@@ -63,23 +69,28 @@ def checked_suffix(filename: str) -> str:
     return suffix
 
 
-async def receive(body: AsyncIterator[bytes], suffix: str, store: Store, limit: int) -> Upload:
+async def receive(
+    body: AsyncIterator[bytes], suffix: str, store: Store, catalogue: Catalogue, *, limit: int, stall_seconds: float
+) -> Upload:
     """Take a request's body and put it into the store.
 
     Args:
         body: in pieces.
         suffix: of the file's name.
         store: takes it.
+        catalogue: knows who needs it.
         limit: bytes at most.
+        stall_seconds: how long the next piece may be waited for.
 
     Raises:
-        RefusedError: 413, it is longer than that; 400, there is nothing in it.
+        RefusedError: 413, it is longer than that; 408, nothing came for so long; 400, there is nothing in it.
         StoreError: the store did not take it.
+        DatabaseUnavailableError: the catalogue did not.
     """
     digest = hashlib.sha256()
     size = 0
     with tempfile.TemporaryFile() as file:
-        async for piece in body:
+        async for piece in _flowing(body, stall_seconds):
             size += len(piece)
             if size > limit:
                 message = f"the upload is longer than the {limit} bytes that this server takes (MESHTIDE_MAX_UPLOAD)"
@@ -90,9 +101,42 @@ async def receive(body: AsyncIterator[bytes], suffix: str, store: Store, limit: 
             raise RefusedError(HTTPStatus.BAD_REQUEST, "empty", "the request has no body; send the file as it is")
         sha256 = digest.hexdigest()
         key = source_key(sha256, suffix)
+        note = await catalogue.sources.expect(key)  # before it is looked for, lest it be deleted then
         if not await _holds(store, key, size):
             await store.put(key, _pieces(cast("BinaryIO", file)))
-    return Upload(key, sha256, size)
+    return Upload(key, sha256, size, note)
+
+
+async def collect_orphans(store: Store, catalogue: Catalogue, older_than: timedelta = UNUSED_FOR) -> list[str]:
+    """Delete uploaded files that nobody needs: those of servers killed between two steps, and of jobs that were ended.
+
+    Args:
+        store: holds them.
+        catalogue: knows who needs them.
+        older_than: after so long, an upload that was noted and never became a job has been given up.
+
+    Returns:
+        The keys of the objects that were deleted.
+    """
+    await catalogue.sources.forget_abandoned(older_than)
+    keys = [info.key async for info in store.list(SOURCES)]
+    needed = await catalogue.sources.needed(keys)
+    return [key for key in keys if key not in needed and await catalogue.sources.collect(key, store.delete)]
+
+
+async def _flowing(body: AsyncIterator[bytes], stall_seconds: float) -> AsyncIterator[bytes]:
+    """The pieces of a body, as long as none keeps us waiting."""
+    pieces = aiter(body)
+    while True:
+        try:
+            async with asyncio.timeout(stall_seconds):
+                piece = await anext(pieces)
+        except StopAsyncIteration:
+            return
+        except TimeoutError:
+            message = f"nothing of the upload came for {stall_seconds:g} s (MESHTIDE_UPLOAD_STALL_TIMEOUT)"
+            raise RefusedError(HTTPStatus.REQUEST_TIMEOUT, "stalled", message) from None
+        yield piece
 
 
 async def _holds(store: Store, key: str, size: int) -> bool:

@@ -1,6 +1,5 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -91,16 +90,20 @@ async def test_meshes_come_change_and_go(store: Store, catalogue: Catalogue) -> 
     assert await listed(kept) == ["b"]
 
 
-async def test_what_was_changed_by_then_is_forgotten(store: Store, catalogue: Catalogue) -> None:
+async def test_one_mesh_is_brought_up_to_date(store: Store, catalogue: Catalogue) -> None:
     kept = kept_of(store, catalogue)
     await publish(store, catalogue, make_stream(1), Publication("a", "a.obj"))
+    await publish(store, catalogue, make_stream(3), Publication("b", "b.obj"))
     await whole(kept, "a")
-    await kept.refresh()
-    changed = await publish(store, catalogue, make_stream(2), Publication("a", "a.obj"))
-    await kept.refresh_since(changed.updated - timedelta(hours=1))
+    await publish(store, catalogue, make_stream(2), Publication("a", "a.obj"))
+    await kept.refresh_mesh("b")  # which is not in memory
     assert await whole(kept, "a") == make_stream(1)
-    await kept.refresh_since(changed.updated)
+    await kept.refresh_mesh("a")
     assert await whole(kept, "a") == make_stream(2)
+    known = kept.known("a")
+    await kept.refresh_mesh("a")
+    assert known is not None
+    assert kept.known("a") is not None
 
 
 @pytest.mark.parametrize("same_stream", [False, True])

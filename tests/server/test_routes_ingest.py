@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import socket
 import time
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 import httpx
 import numpy as np
@@ -130,6 +132,77 @@ def test_a_file_that_is_no_mesh_fails_and_stops_nobody(server: LiveServer) -> No
 def test_uploads_that_cannot_be_taken(server: LiveServer, filename: str, data: bytes, status: int, error: str) -> None:
     answer = post(server.url, filename, data)
     assert (answer.status_code, answer.json()["error"]) == (status, error)
+
+
+def sources(data: Path) -> list[str]:
+    """The uploaded files that are in the store."""
+    return sorted(path.name for path in (data / "store" / "sources").glob("*"))
+
+
+def until_no_sources(data: Path, seconds: float = 20.0) -> None:
+    deadline = time.monotonic() + seconds
+    while sources(data):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_uploaded_files_leave_the_store_when_no_job_needs_them(folder: Path, tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with running(settings_for(folder, data)) as live:
+        live.loop.call_soon_threadsafe(live.app.state.draining.set)  # jobs are not begun any more
+        time.sleep(0.1)
+        jobs = [post(live.url, f"part-{i}.tide", make_stream(1)).json() for i in range(2)]
+        gone = post(live.url, "gone.obj", b"no mesh").json()
+        assert len(sources(data)) == 2
+        assert httpx.delete(f"{live.url}/meshes/{gone['mesh']}", headers=WRITER).status_code == 204
+        assert len(sources(data)) == 1
+        assert httpx.delete(f"{live.url}/meshes/{jobs[0]['mesh']}", headers=WRITER).status_code == 204
+        assert len(sources(data)) == 1  # the other job needs it
+        post(live.url, "bad.obj", b"no mesh either")
+        (data / "store" / "sources" / f"{'0' * 64}.obj").write_bytes(b"a killed server has left this")
+        assert len(sources(data)) == 3
+    with running(settings_for(folder, data)) as live:
+        assert finished(live.url, jobs[1]["id"])["state"] == "done"
+        until_no_sources(data)
+        again = post(live.url, "again.tide", make_stream(1)).json()
+        assert finished(live.url, again["id"])["state"] == "done"
+        until_no_sources(data)
+
+
+def test_an_upload_that_stands_still_is_refused_and_leaves_nothing(folder: Path, tmp_path: Path) -> None:
+    with running(settings_for(folder, tmp_path / "data", upload_stall_timeout=0.3)) as live:
+        parts = urlsplit(live.url)
+        head = f"POST /meshes?filename=a.obj HTTP/1.1\r\nHost: h\r\nAuthorization: Bearer {TOKEN}\r\n"
+        with socket.create_connection((parts.hostname, parts.port), timeout=20) as connection:
+            connection.sendall(f"{head}Content-Length: 1000\r\n\r\nv 0 0 0\n".encode())
+            answer = b"".join(iter(lambda: connection.recv(4096), b""))  # the server closes
+        first, _, rest = answer.partition(b"\r\n")
+        assert first == b"HTTP/1.1 408 Request Timeout"
+        assert json.loads(rest.partition(b"\r\n\r\n")[2])["error"] == "stalled"
+        assert sources(tmp_path / "data") == []
+        assert not list((tmp_path / "data" / "store" / ".parts").iterdir())
+        assert [row["id"] for row in httpx.get(f"{live.url}/meshes").json()] == ["small"]
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"filename": "a\0.obj"},
+        {"filename": "a\n.obj"},
+        {"filename": "a" * 200 + ".obj"},
+        {"filename": "a.obj", "tag": "x" * 101},
+        {"filename": "a.obj", "tag": ["fine", "\0"]},
+        {"filename": "a.obj", "tag": [str(number) for number in range(51)]},
+        {"filename": "a.obj", "licence": "\0"},
+        {"filename": "a.obj", "bits": 99},
+        {"filename": "a.obj", "profile": "other"},
+        {},
+    ],
+)
+def test_what_no_catalogue_can_keep_is_refused(server: LiveServer, params: dict[str, Any]) -> None:
+    for method, path in (("POST", "/meshes"), ("PUT", "/meshes/mine")):
+        answer = httpx.request(method, f"{server.url}{path}", params=params, content=b"x", headers=WRITER)
+        assert (answer.status_code, answer.json()["error"]) == (422, "invalid")
 
 
 def test_writing_takes_a_token_and_spares_the_folder(server: LiveServer) -> None:

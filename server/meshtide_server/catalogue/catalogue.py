@@ -12,6 +12,7 @@ from meshtide_server.catalogue.errors import UnknownMeshError
 from meshtide_server.catalogue.jobs import Jobs, end_earlier_jobs, enqueue_job, finish_job
 from meshtide_server.catalogue.meshes import Meshes, add_mesh, get_mesh, put_mesh
 from meshtide_server.catalogue.migrations import migrate
+from meshtide_server.catalogue.sources import Sources, forget_pending
 from meshtide_server.catalogue.streams import (
     Streams,
     forget_unused,
@@ -44,6 +45,7 @@ class Catalogue:
         self.meshes = Meshes(database)
         self.streams = Streams(database)
         self.jobs = Jobs(database)
+        self.sources = Sources(database)
 
     @classmethod
     async def open(cls, url: str) -> Self:
@@ -76,7 +78,13 @@ class Catalogue:
             await connection.execute(text("SELECT 1"))
 
     async def add_with_job(
-        self, mesh: MeshRecord, source_key: str, options: Mapping[str, Any], *, replace: bool = False
+        self,
+        mesh: MeshRecord,
+        source_key: str,
+        options: Mapping[str, Any],
+        *,
+        replace: bool = False,
+        note: str | None = None,
     ) -> tuple[MeshRecord, Job]:
         """Add a mesh and the job that makes its stream, in one transaction.
 
@@ -87,6 +95,7 @@ class Catalogue:
             source_key: the uploaded file in the store.
             options: how to encode it, as JSON knows it.
             replace: whether a mesh of that id is replaced.
+            note: that the file was expected, which ends with this: its job needs it from now on.
 
         Raises:
             MeshExistsError: there is a mesh of that id, and `replace` is not set.
@@ -94,6 +103,8 @@ class Catalogue:
         async with self._database.writing() as connection:
             record = await (put_mesh if replace else add_mesh)(connection, mesh)
             await end_earlier_jobs(connection, record.id)
+            if note is not None:
+                await forget_pending(connection, note)
             return record, await enqueue_job(connection, record.id, source_key, options)
 
     async def register(

@@ -17,7 +17,7 @@ from sqlalchemy import and_, exists, func, insert, select, update
 
 from meshtide_server.catalogue.errors import UnknownJobError
 from meshtide_server.catalogue.meshes import fail_mesh, get_mesh, micros, moment
-from meshtide_server.catalogue.rows import Job, JobState, now
+from meshtide_server.catalogue.rows import UNFINISHED, Job, JobState, now
 from meshtide_server.catalogue.tables import job_table
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ async def enqueue_job(
 
 async def end_earlier_jobs(connection: AsyncConnection, mesh_id: str) -> None:
     """End within a transaction what is queued or runs for a mesh: a later upload takes its place."""
-    unfinished = job_table.c.state.in_([JobState.QUEUED.value, JobState.RUNNING.value])
+    unfinished = job_table.c.state.in_([state.value for state in UNFINISHED])
     values = {
         "state": JobState.FAILED.value,
         "owner": None,

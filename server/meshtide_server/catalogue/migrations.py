@@ -97,6 +97,11 @@ STEPS: tuple[tuple[str, ...], ...] = (
         "CREATE INDEX mesh_by_created ON mesh (created)",
         "CREATE INDEX mesh_by_vertices ON mesh (vertices)",
     ),
+    (
+        "CREATE TABLE pending_upload (id TEXT PRIMARY KEY, source_key TEXT NOT NULL, since BIGINT NOT NULL)",
+        "CREATE INDEX pending_upload_by_source ON pending_upload (source_key)",
+        "CREATE INDEX job_by_source ON job (source_key)",
+    ),
 )
 
 

@@ -30,6 +30,10 @@ class JobState(StrEnum):
     FAILED = "failed"
 
 
+UNFINISHED = frozenset({JobState.QUEUED, JobState.RUNNING})
+"""States of jobs that still need their uploaded files."""
+
+
 class Box(NamedTuple):
     """An axis-parallel box, in the mesh's own units."""
 

@@ -82,4 +82,12 @@ unused_table = Table(  # streams in the store that no mesh needs: not yet, or no
     Column("since", BigInteger, nullable=False),
 )
 
+pending_table = Table(  # uploads whose objects are being put, and whose jobs are not queued yet
+    "pending_upload",
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("source_key", Text, nullable=False),
+    Column("since", BigInteger, nullable=False),
+)
+
 schema_table = Table("schema_version", metadata, Column("version", Integer, primary_key=True))

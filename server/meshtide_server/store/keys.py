@@ -14,6 +14,8 @@ from meshtide_server.store.errors import InvalidKeyError
 LONGEST_KEY = 512
 LONGEST_SEGMENT = 128
 """Characters of a segment; every file system takes 255."""
+SOURCES = "sources"
+"""The folder of uploaded files."""
 _SEGMENT = re.compile(r"[a-z0-9][a-z0-9._-]*", re.ASCII)
 _DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
 _SUFFIX = re.compile(r"(?:\.[a-z0-9]{1,10})?", re.ASCII)
@@ -83,7 +85,7 @@ def source_key(sha256: str, suffix: str) -> str:
     small = suffix.lower()
     if not _SUFFIX.fullmatch(small):
         raise InvalidKeyError(f"{suffix!r} is not the suffix of a file's name")
-    return f"sources/{_checked_digest(sha256)}{small}"
+    return f"{SOURCES}/{_checked_digest(sha256)}{small}"
 
 
 def _checked_digest(sha256: str) -> str:
