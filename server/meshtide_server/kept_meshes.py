@@ -41,7 +41,7 @@ KNOWN_PACKETS = 1 << 16
 
 
 ATTEMPTS = 3
-"""How often a mesh is looked up that is replaced while it is."""
+"""How often a mesh is looked up that is replaced, or may have been, while it is."""
 
 
 class _StreamGoneError(StoreError):
@@ -178,6 +178,7 @@ class KeptMeshes:
         await self.catalogue.close()
 
     async def _look_up(self, mesh_id: str) -> HostedMesh | None:
+        found: HostedMesh | None = None
         for _ in range(ATTEMPTS):
             begun = self._round
             try:
@@ -187,16 +188,21 @@ class KeptMeshes:
             if record.state != MeshState.READY or record.stream is None:
                 return shown(record)
             try:
-                stream = await self._stream(record.stream)
+                found = shown(record, await self._stream(record.stream))
             except _StreamGoneError:  # replaced or deleted in this moment
                 continue
             if begun == self._round:
-                self._records[mesh_id] = record
-                self._records.move_to_end(mesh_id)
-                if len(self._records) > KNOWN:
-                    self._records.popitem(last=False)
-            return shown(record, stream)
-        raise StoreError(f"the stream of {mesh_id} left the catalogue {ATTEMPTS} times; what replaces it all the time?")
+                self._remember(record)
+                break
+        if found is None:
+            raise StoreError(f"the stream of {mesh_id} left the catalogue {ATTEMPTS} times; what replaces it so often?")
+        return found
+
+    def _remember(self, record: MeshRecord) -> None:
+        self._records[record.id] = record
+        self._records.move_to_end(record.id)
+        if len(self._records) > KNOWN:
+            self._records.popitem(last=False)
 
     async def _stream(self, sha256: str) -> HostedStream:
         known = self._streams.get(sha256)

@@ -51,6 +51,7 @@ async def test_a_registered_stream_is_found_by_itself_and_by_its_packets(
     assert await shown(catalogue, objects, "a", stream) is not None
     assert await catalogue.streams.get(stream.sha256) == stream
     assert await catalogue.streams.get("0" * 64) is None
+    assert await catalogue.streams.present([stream.sha256, "0" * 64]) == {stream.sha256}
     for position, digest in enumerate(stream.packets):
         place = await catalogue.streams.find_packet(digest.hex())
         assert place is not None

@@ -125,6 +125,16 @@ async def test_pages_follow_each_other_while_meshes_come_and_go(catalogue: Catal
     assert ([each.id for each in third.meshes], third.next) == (["z9"], None)
 
 
+async def test_what_is_asked_of_many_at_once(catalogue: Catalogue) -> None:
+    for identifier in ("scan", "scan-2", "scan-obj", "scam", "scao", "scan_", "scans"):
+        await catalogue.meshes.add(MeshRecord(identifier, identifier))
+    assert await catalogue.meshes.ids("scan") == ["scan", "scan-2", "scan-obj", "scan_", "scans"]
+    assert await catalogue.meshes.ids("scant") == []
+    first, second = await catalogue.meshes.get("scan"), await catalogue.meshes.put(MeshRecord("scam", "new"))
+    assert await catalogue.meshes.updated(["scan", "scam", "gone"]) == {"scan": first.updated, "scam": second.updated}
+    assert await catalogue.meshes.updated([]) == {}
+
+
 @given(st.datetimes(min_value=datetime(1970, 1, 1), max_value=datetime(2200, 1, 1)))  # noqa: DTZ001 - UTC comes below
 def test_moments_are_kept_exactly(naive: datetime) -> None:
     aware = naive.replace(tzinfo=UTC)

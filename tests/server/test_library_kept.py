@@ -7,8 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import httpx
+import pytest
 
-from meshtide_server.catalogue import Catalogue
+from meshtide_server.catalogue import Catalogue, DatabaseUnavailableError
 from meshtide_server.publishing import Publication, publish
 from meshtide_server.settings import Settings
 from meshtide_server.store import open_store
@@ -117,6 +118,56 @@ def test_meshes_are_searched_and_paged(tmp_path: Path, folder: Path, serve: Call
     rest = httpx.get(server.url + answer.links["next"]["url"].replace("limit=2", "limit=3"))
     assert [mesh["id"] for mesh in rest.json()] == ["vase-1", "vase-2", "vase-3"]
     assert "next" not in rest.links
+
+
+def test_lists_and_pages_are_sent_once(tmp_path: Path, folder: Path, serve: Callable[[Settings], LiveServer]) -> None:
+    both = settings(tmp_path / "data", directory=folder)
+    published(both, make_stream(3), "vase")
+    server = serve(both)
+    for path in ("/meshes?limit=1", "/meshes/vase", "/meshes/small"):
+        first = httpx.get(server.url + path)
+        held = {"If-None-Match": first.headers["etag"]}
+        again = httpx.get(server.url + path, headers=held)
+        assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", first.headers["etag"])
+        assert again.links == first.links
+        assert first.headers["cache-control"] == "no-cache"
+        ranged = httpx.get(server.url + path, headers={"Range": "bytes=0-3", "If-Match": '"other"'})
+        assert (ranged.status_code, ranged.content) == (200, first.content)
+        if path != "/meshes/small":
+            published(both, make_stream(4), "vase" if "vase" in path else "another")
+            changed = eventually_changed(server, path, held)
+            assert changed.headers["etag"] != first.headers["etag"]
+
+
+def eventually_changed(server: LiveServer, path: str, headers: dict[str, str]) -> httpx.Response:
+    deadline = time.monotonic() + 10
+    while (answer := httpx.get(server.url + path, headers=headers)).status_code == 304:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    return answer
+
+
+def test_a_catalogue_that_does_not_answer_is_told(
+    tmp_path: Path, folder: Path, serve: Callable[[Settings], LiveServer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both = settings(tmp_path / "data", directory=folder, catalogue_seconds=0.5)
+    published(both, make_stream(3), "vase")
+    server = serve(both)
+    assert httpx.get(f"{server.url}/meshes/vase.tide").status_code == 200
+    catalogue = server.app.state.library.kept.catalogue
+
+    async def broken(*_: object) -> None:
+        raise DatabaseUnavailableError("the database postgresql://me@db.example/meshes: gone")
+
+    for part, name in ((catalogue.meshes, "list"), (catalogue.meshes, "get"), (catalogue.meshes, "updated")):
+        monkeypatch.setattr(part, name, broken)
+    monkeypatch.setattr(catalogue.streams, "find_packet", broken)
+    for path in ("/meshes", "/meshes/other", "/meshes/other.tide", f"/packets/{'0' * 64}"):
+        answer = httpx.get(server.url + path)
+        assert (answer.status_code, answer.json()["error"], answer.headers["retry-after"]) == (503, "not-ready", "1")
+        assert "db.example" not in answer.text
+    for path in ("/meshes/vase.tide", "/meshes/small", "/healthz", "/meshes/vase"):
+        assert httpx.get(server.url + path).status_code == 200, path
 
 
 def test_foreign_questions_are_refused(folder: Path, serve: Callable[[Settings], LiveServer]) -> None:
