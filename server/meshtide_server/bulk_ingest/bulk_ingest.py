@@ -21,7 +21,7 @@ from meshtide_server.store.memory import MemoryStore
 from meshtide_server.store.opening import open_store
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import AsyncIterator, Callable, Iterable
     from pathlib import Path
 
     from meshtide_server.bulk_ingest.dask_cluster import DaskCluster
@@ -121,8 +121,8 @@ class BulkIngest:
 
     async def _known(self) -> tuple[KnownMesh, ...]:
         async with AsyncExitStack() as stack:
-            records = await _records(await self._catalogue(stack))
-        return tuple(KnownMesh(row.id, row.name, row.state.value, row.source) for row in records)
+            records = _records(await self._catalogue(stack))
+            return tuple([KnownMesh(row.id, row.name, row.state.value, row.source) async for row in records])
 
     async def _run(
         self, files: Iterable[ChosenFile], tell: Callable[[Path, str | None, str, str | None], None]
@@ -142,7 +142,7 @@ class BulkIngest:
                 self._settings,
                 tags=self._tags,
                 licence=self._licence,
-                taken={record.id for record in await _records(catalogue)},
+                taken={record.id async for record in _records(catalogue)},
                 tell=tell,
             )
             await ingestion.run(files)
@@ -160,13 +160,13 @@ class BulkIngest:
         return await DaskCluster.connect(self._scheduler, self._patience)
 
 
-async def _records(catalogue: Catalogue) -> list[MeshRecord]:
-    """All meshes."""
+async def _records(catalogue: Catalogue) -> AsyncIterator[MeshRecord]:
+    """All meshes, read page by page."""
     query = MeshQuery(limit=LARGEST_PAGE)
-    records: list[MeshRecord] = []
     while True:
         page = await catalogue.meshes.list(query)
-        records += page.meshes
+        for record in page.meshes:
+            yield record
         if page.next is None:
-            return records
+            return
         query = replace(query, after=page.next)

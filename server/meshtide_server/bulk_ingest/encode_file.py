@@ -2,7 +2,7 @@
 
 It reads nothing but the file and writes nothing at all: the stream is what it returns. So a worker may die at any
 moment and its file be given to another one, workers need no access to store and database, and all that is published
-is published by one process. What a stream takes on its way is small beside the work of making it: about two bytes a
+is published by one process. What a stream takes on its way is small beside the work of making it: a few bytes a
 vertex. The file is checked, read and encoded in a process of its own with limits of memory and time.
 """
 
