@@ -1,14 +1,42 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
 from meshtide_codec.compact.slices import Slices
 from meshtide_codec.errors import ContainerError, OptionError
+from meshtide_codec.stream.header import LevelEntry, PacketEntry, StreamHeader
+from meshtide_codec.stream.packets import PacketKind
 
-PLAIN = CompactHeader(4, bytes(range(9)), (6, 9, 12), None, Slices(12), ())
-FULL = CompactHeader(4, bytes(range(9)), (4, 12), Mirror(1, 77, 12), Slices(12, (0, 5, 900)), (7, 9))
+BITS = 12
+STRENGTHS = bytes(12 * (step % 16) for step in range(3, 12))
+PLAIN = CompactHeader(4, STRENGTHS, (6, 9, 12), None, Slices(12), 0)
+FULL = CompactHeader(4, STRENGTHS, (4, 12), Mirror(1, 77, 12), Slices(12, (0, 5, 900)), 2)
+
+
+def stream_header(compact: CompactHeader, **changes: object) -> StreamHeader:
+    """A header of a stream whose packets are those that `compact` tells of."""
+    coarsest = BITS - compact.base_depth
+    places = [(PacketKind.PREVIEW, coarsest + compact.previews - place, 0) for place in range(compact.previews)]
+    places.append((PacketKind.BASE, coarsest, 0))
+    for depth in range(compact.base_depth, BITS + 1):
+        if depth > compact.base_depth:
+            places.append((PacketKind.MAP_CONN, BITS - depth, 0))
+        if depth in compact.diff_depths:
+            places += [(PacketKind.DIFF, BITS - depth, part) for part in range(len(compact.slices))]
+    header = StreamHeader(
+        profile="compact",
+        options=compact.to_options(),
+        bits=BITS,
+        origin=(0.0, 0.0, 0.0),
+        extent=1.0,
+        levels=(LevelEntry(0, len(places), 100, 200, 0.0, 0.0),),
+        packets=tuple(PacketEntry(*place, 5, 0) for place in places),
+    )
+    return replace(header, **changes)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -29,13 +57,63 @@ def test_options_out_of_range(wrong: dict[str, object], message: str) -> None:
         CompactOptions(**wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("header", [PLAIN, FULL])
+@pytest.mark.parametrize("header", [PLAIN, FULL, replace(FULL, strengths=bytes(9)), replace(PLAIN, diff_depths=())])
 def test_header_round_trip(header: CompactHeader) -> None:
-    assert CompactHeader.from_options(header.to_options(), 12) == header
+    assert CompactHeader.from_header(stream_header(header)) == header
 
 
 def test_a_plain_header_says_nothing_needless() -> None:
-    assert set(PLAIN.to_options()) == {"b", "f", "d"}
+    assert set(PLAIN.to_options()) == {"f"}
+    assert replace(PLAIN, strengths=bytes(9)).to_options() == {}
+    assert replace(PLAIN, strengths=bytes([24, 12, 36]) + bytes(6)).to_options() == {"f": b"\x21\x30"}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"f": bytes(6)},
+        {"f": "text"},
+        {"m": [3, 0]},
+        {"m": [0]},
+        {"m": [0, 1 << 13]},
+        {"s": []},
+        {"s": [1]},
+        {"s": [0, 5, 5]},
+        {"s": [0, 1 << 36]},
+        {"s": list(range(5000))},
+        {"b": 4},
+        {"x": 0},
+    ],
+    ids=str,
+)
+def test_damaged_options_are_refused(change: dict[str, object]) -> None:
+    with pytest.raises(ContainerError, match="damaged stream header"):
+        CompactHeader.from_header(stream_header(FULL, options=FULL.to_options() | change))
+
+
+def test_packets_that_do_not_make_a_compact_stream_are_refused() -> None:
+    packets = stream_header(FULL).packets
+    base = next(row for row in packets if row.kind is PacketKind.BASE)
+    others = tuple(row for row in packets if row.kind is not PacketKind.BASE)
+    preview = packets[0]
+    for wrong, message in (
+        (others, "0 Base packets"),
+        ((*packets, base), "2 Base packets"),
+        ((replace(base, level=13), *others), "base depth"),
+        ((*packets, PacketEntry(PacketKind.DIFF, 9, 0, 5, 0)), "a Diff of depth 3"),
+        ((*packets, PacketEntry(PacketKind.DIFF, 13, 0, 5, 0)), "a Diff of depth -1"),
+        (packets + (preview,) * 7, "9 previews"),
+    ):
+        with pytest.raises(ContainerError, match=message):
+            CompactHeader.from_header(stream_header(FULL, packets=wrong))
+
+
+OLD = {"b": 4, "f": bytes(range(9)), "d": bytes([4, 12]), "m": [1, 77], "s": [0, 5, 900], "p": bytes([7, 9])}
+
+
+def test_before_version_3_options_tell_it_all() -> None:
+    found = CompactHeader.from_header(stream_header(FULL, options=OLD, version=2))
+    assert found == replace(FULL, strengths=bytes(range(9)), preview_bits=(7, 9))
 
 
 @pytest.mark.parametrize(
@@ -52,13 +130,7 @@ def test_a_plain_header_says_nothing_needless() -> None:
         {"d": bytes([7, 6])},
         {"d": [6]},
         {"m": [3, 0]},
-        {"m": [0]},
-        {"m": [0, 1 << 13]},
-        {"s": []},
         {"s": [1]},
-        {"s": [0, 5, 5]},
-        {"s": [0, 1 << 36]},
-        {"s": list(range(5000))},
         {"p": bytes([3])},
         {"p": bytes([13])},
         {"p": bytes([7] * 9)},
@@ -66,11 +138,12 @@ def test_a_plain_header_says_nothing_needless() -> None:
     ],
     ids=str,
 )
-def test_damaged_options_are_refused(change: dict[str, object]) -> None:
-    with pytest.raises(ContainerError):
-        CompactHeader.from_options(FULL.to_options() | change, 12)
+def test_damaged_options_of_older_versions_are_refused(change: dict[str, object]) -> None:
+    for version in (1, 2):
+        with pytest.raises(ContainerError, match="damaged stream header"):
+            CompactHeader.from_header(stream_header(FULL, options=OLD | change, version=version))
 
 
-def test_missing_options_are_refused() -> None:
+def test_missing_options_of_older_versions_are_refused() -> None:
     with pytest.raises(ContainerError, match="options of a compact stream"):
-        CompactHeader.from_options({"b": 0}, 12)
+        CompactHeader.from_header(stream_header(FULL, options={"b": 0}, version=2))

@@ -8,6 +8,7 @@ import pytest
 from meshes import grid, soup
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.compact.preview_choice import DISTANCES, LARGE, LARGE_RATIO, TOO_SMALL_TO_WAIT, choose_previews
+from meshtide_codec.compact.previewing import GridPreview, encode_preview
 from meshtide_codec.compact.previews import FEWEST_VERTICES, Preview
 from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.encoder import encode
@@ -15,6 +16,7 @@ from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import QuantizedMesh, quantize
 from meshtide_codec.sphere import paper_sphere
+from meshtide_codec.stream.packets import PacketKind
 
 
 def bumpy_sphere() -> Mesh:
@@ -62,9 +64,11 @@ def test_meshes_without_use_for_previews_have_none() -> None:
 def test_streams_open_with_them_unless_ratios_are_given() -> None:
     mesh = bumpy_sphere()
     previews = chosen(quantize(mesh, 10))
-    bits = bytes(preview.bits for preview in previews)
-    assert encode(mesh, CompactOptions(bits=10)).header.options["p"] == bits
-    assert "p" not in encode(mesh, CompactOptions(bits=10, previews=())).header.options
+    encoded = encode(mesh, CompactOptions(bits=10))
+    sent = [packet.payload for packet in encoded.packets if packet.kind is PacketKind.PREVIEW]
+    assert sent == [encode_preview(GridPreview(preview.bits, preview.positions, preview.faces)) for preview in previews]
+    without = encode(mesh, CompactOptions(bits=10, previews=()))
+    assert all(packet.kind is not PacketKind.PREVIEW for packet in without.packets)
 
 
 def test_what_is_no_mesh_on_a_grid_is_refused() -> None:

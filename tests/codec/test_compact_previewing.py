@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,14 +10,20 @@ from hypothesis import strategies as st
 
 from meshes import grid, random_meshes
 from meshtide_codec.compact.options import CompactOptions
-from meshtide_codec.compact.previewing import GridPreview, decode_preview, encode_preview
+from meshtide_codec.compact.previewing import GridPreview, decode_preview, decode_preview_in_parts, encode_preview
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import LimitError, MeshtideError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import quantize
+from meshtide_codec.stream.container import read_container
 from meshtide_codec.stream.packets import PacketKind
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+GOLDEN = Path(__file__).parent.parent / "golden"
 
 
 @given(random_meshes(), st.integers(4, 9))
@@ -22,7 +31,9 @@ from meshtide_codec.stream.packets import PacketKind
 def test_any_preview_comes_back(mesh: Mesh, bits: int) -> None:
     quantized = quantize(mesh, bits)
     preview = GridPreview(bits, quantized.positions, quantized.faces)
-    decoded = decode_preview(encode_preview(preview), bits, Limits())
+    payload = encode_preview(preview)
+    decoded = decode_preview(payload, len(preview.cells), 9, Limits())
+    assert decoded.bits == bits
     assert np.array_equal(decoded.cells, preview.cells)
     assert np.array_equal(decoded.faces, preview.faces)
 
@@ -65,13 +76,18 @@ def test_levels_without_previews_are_the_same() -> None:
 def test_claims_are_held_against_the_limits() -> None:
     quantized = quantize(grid(10), 7)
     payload = encode_preview(GridPreview(7, quantized.positions, quantized.faces))
+    count = len(quantized.positions)
     with pytest.raises(LimitError):
-        decode_preview(payload, 7, Limits(vertices=50))
-    with pytest.raises(LimitError):
-        decode_preview(payload, 7, Limits(faces=5))
-    for wrong in (b"", b"\x00\x01", b"\x05\x09", b"\x80"):
+        decode_preview(payload, count, 7, Limits(faces=5))
+    for wrong in (b"", b"\x80", bytes([6]), payload + b"\x01" * 8):
         with pytest.raises(PacketError):
-            decode_preview(wrong, 7, Limits())
+            decode_preview(wrong, count, 7, Limits())
+    with pytest.raises(PacketError, match="a preview of 7 bits in a stream of 6"):
+        decode_preview(payload, count, 6, Limits())
+    for vertices in (1, count - 1, count + 1):
+        with pytest.raises(PacketError):
+            decode_preview(payload, vertices, 7, Limits())
+    assert len(decode_preview(payload, count, 7, Limits()).cells) == count
 
 
 @given(st.data())
@@ -82,10 +98,55 @@ def test_damaged_previews_decode_or_raise_from_the_tree(data: st.DataObject) -> 
     for _ in range(data.draw(st.integers(1, 3))):
         payload[data.draw(st.integers(0, len(payload) - 1))] ^= data.draw(st.integers(1, 255))
     try:
-        preview = decode_preview(bytes(payload), 6, Limits(vertices=10_000, faces=10_000))
+        preview = decode_preview(bytes(payload), len(quantized.positions), 6, Limits(vertices=10_000, faces=10_000))
     except MeshtideError as error:
         assert isinstance(error, PacketError | LimitError)
         return
     assert preview.cells.min() >= 0
     assert preview.cells.max() < 64
     assert preview.faces.size == 0 or preview.faces.max() < len(preview.cells)
+
+
+def test_a_preview_cut_at_any_byte_or_with_a_flipped_bit_is_survived() -> None:
+    quantized = quantize(grid(8), 6)
+    count = len(quantized.positions)
+    payload = encode_preview(GridPreview(6, quantized.positions, quantized.faces))
+    variants = [payload[:end] for end in range(len(payload))]
+    variants += [flipped(payload, bit) for bit in range(8 * len(payload))]
+    assert refused(variants, lambda variant: decode_preview(variant, count, 6, Limits(faces=10_000))) > len(payload)
+
+
+def test_a_preview_of_an_older_version_cut_at_any_byte_or_with_a_flipped_bit_is_survived() -> None:
+    header, packets = read_container((GOLDEN / "version-2" / "compact-dome-previews.tide").read_bytes())
+    bits, payload = header.options["p"][0], packets[0].payload
+    assert len(decode_preview_in_parts(payload, bits, Limits()).cells) == header.levels[0].vertices
+    for wrong in (b"", b"\x00\x01", b"\x05\x09", b"\x80"):
+        with pytest.raises(PacketError):
+            decode_preview_in_parts(wrong, bits, Limits())
+    for limits in (Limits(vertices=5), Limits(faces=5)):
+        with pytest.raises(LimitError):
+            decode_preview_in_parts(payload, bits, limits)
+    variants = [payload[:end] for end in range(len(payload))]
+    variants += [flipped(payload, bit) for bit in range(8 * len(payload))]
+    limits = Limits(vertices=10_000, faces=10_000)
+    assert refused(variants, lambda variant: decode_preview_in_parts(variant, bits, limits)) > len(payload)
+
+
+def flipped(payload: bytes, bit: int) -> bytes:
+    damaged = bytearray(payload)
+    damaged[bit // 8] ^= 1 << (bit % 8)
+    return bytes(damaged)
+
+
+def refused(variants: list[bytes], decoded: Callable[[bytes], GridPreview]) -> int:
+    """How many variants raise an error of the tree; all others are meshes."""
+    count = 0
+    for variant in variants:
+        try:
+            preview = decoded(variant)
+        except MeshtideError as error:
+            assert isinstance(error, PacketError | LimitError)
+            count += 1
+        else:
+            assert preview.faces.size == 0 or preview.faces.max() < len(preview.cells)
+    return count

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +15,13 @@ from meshtide_codec.errors import BaseError, LimitError, MapConnError, MeshtideE
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import quantize
+from meshtide_codec.stream.container import read_container
+from meshtide_codec.stream.packets import PacketKind
+
+if TYPE_CHECKING:
+    from meshtide_codec.compact.level import Level
+
+GOLDEN = Path(__file__).parent.parent / "golden"
 
 BITS = 7
 QUANTIZED = quantize(grid(12), BITS)
@@ -62,12 +72,57 @@ def test_a_base_deeper_than_the_last_map_is_refused() -> None:
         ReliableCoder(BITS, len(quantized.positions), None).decode_base(payload, BITS, Limits())
 
 
+def test_bytes_after_the_end_are_refused() -> None:
+    with pytest.raises(BaseError, match="bytes follow"):
+        coder().decode_base(coder().encode_base(OCTREE, 3) + b"\1" * 8, 3, Limits())
+    writing, reading = coder(), coder()
+    levels = reading.decode_base(writing.encode_base(OCTREE, 3), 3, Limits())
+    payload = writing.encode_map_conn(OCTREE.levels[3], OCTREE.levels[4])
+    faces = OCTREE.levels[4].faces
+    assert faces is not None
+    with pytest.raises(MapConnError, match="bytes follow"):
+        reading.decode_map_conn(payload + b"\1" * 8, levels[-1], len(faces))
+
+
+def test_a_mesh_of_one_vertex_has_an_empty_base() -> None:
+    point = ReliableCoder(BITS, 1, None)
+    octree = build_octree(np.array([[5, 6, 7]], np.int32), np.zeros((0, 3), np.int32), BITS)
+    assert point.encode_base(octree, 0) == b""
+    for in_parts in (False, True):
+        levels = ReliableCoder(BITS, 1, None, in_parts=in_parts).decode_base(b"", 2, Limits())
+        assert [level.depth for level in levels] == [0, 1, 2]
+    with pytest.raises(BaseError):
+        ReliableCoder(BITS, 1, None, in_parts=True).decode_base(b"\1" * 9, 2, Limits())
+
+
+def test_what_an_older_version_wrote_in_parts_is_read_and_its_damage_noticed() -> None:
+    header, packets = read_container((GOLDEN / "version-2" / "compact-scattered-2.tide").read_bytes())
+    base = next(packet.payload for packet in packets if packet.kind is PacketKind.BASE)
+    depth = header.options["b"]
+
+    def decoded(payload: bytes) -> list[Level]:
+        reading = ReliableCoder(header.bits, header.vertices, None, in_parts=True)
+        return reading.decode_base(payload, depth, Limits(faces=10_000))
+
+    assert decoded(base)[-1].depth == depth
+    refused = 0
+    for end in range(len(base)):
+        try:
+            decoded(base[:end])
+        except (BaseError, MapConnError):
+            refused += 1
+    assert refused > len(base) // 2
+
+
 @given(st.binary(max_size=120))
 @settings(max_examples=100)
 def test_any_bytes_decode_or_raise_from_the_tree(payload: bytes) -> None:
+    in_parts = ReliableCoder(BITS, COUNT, None, in_parts=True)
     for attempt in (
         lambda: coder().decode_base(payload, 3, Limits(faces=5000)),
         lambda: coder().decode_map_conn(payload, OCTREE.levels[3], 100),
+        lambda: in_parts.decode_base(payload, 3, Limits(faces=5000)),
+        lambda: in_parts.decode_map_conn(payload, OCTREE.levels[3], 100),
     ):
         try:
             attempt()

@@ -115,7 +115,7 @@ def test_faces_of_large_families(geometric: bool) -> None:
     payload = encode_faces(faces, parents, coarse_faces, 3, positions)
     expected = decode_faces(payload, parents, coarse_faces, 3, len(faces), positions)
     found = reference_faces(
-        payload,
+        RangeDecoder(payload),
         parents.tolist(),
         [(a, b, c) for a, b, c in coarse_faces.tolist()],
         3,

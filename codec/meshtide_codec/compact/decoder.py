@@ -13,9 +13,9 @@ from meshtide_codec.compact.diff_coder import known_positions
 from meshtide_codec.compact.difference_coding import DifferenceCoder
 from meshtide_codec.compact.display_filter import drawn_positions
 from meshtide_codec.compact.level import root_level
-from meshtide_codec.compact.options import CompactHeader
+from meshtide_codec.compact.options import PLACES_BY_PACKETS, CompactHeader
 from meshtide_codec.compact.perturbation import SliceShifts, shifted_positions
-from meshtide_codec.compact.previewing import decode_preview
+from meshtide_codec.compact.previewing import decode_preview, decode_preview_in_parts
 from meshtide_codec.compact.reliable_coding import NO_FACES, ReliableCoder
 from meshtide_codec.errors import ContainerError, MapConnError, PacketError
 from meshtide_codec.stream.packets import Packet, PacketKind
@@ -44,13 +44,15 @@ class CompactDecoder:
     def __init__(self, header: StreamHeader, limits: Limits, perturb: Perturb | None = None) -> None:
         self._limits = limits
         self._bits = header.bits
-        self._options = CompactHeader.from_options(header.options, header.bits)
+        self._options = CompactHeader.from_header(header)
         self._coarsest = header.bits - self._options.base_depth
         self._face_counts = {row.level: row.faces for row in header.levels}
+        self._vertex_counts = {row.level: row.vertices for row in header.levels}
         for entry in header.packets:
             if entry.kind is PacketKind.MAP_CONN and entry.level not in self._face_counts:
                 raise ContainerError(f"damaged stream header: its level table lacks level {entry.level}")
-        self._reliable = ReliableCoder(header.bits, header.vertices, self._options.mirror)
+        self._in_parts = header.version < PLACES_BY_PACKETS
+        self._reliable = ReliableCoder(header.bits, header.vertices, self._options.mirror, in_parts=self._in_parts)
         self._levels: list[Level] = []
         self._waiting: dict[int, bytes] = {}
         self._previews: dict[int, GridPreview] = {}
@@ -146,16 +148,23 @@ class CompactDecoder:
             self._diffs[packet.slice][depth] = packet.payload
             self._decode_diffs(packet.slice)
         elif packet.kind is PacketKind.PREVIEW and packet.slice == 0 and self._preview_place(packet.level) >= 0:
-            bits = self._options.previews[self._preview_place(packet.level)]
-            self._previews[packet.level] = decode_preview(packet.payload, bits, self._limits)
+            self._previews[packet.level] = self._decoded_preview(packet)
         else:
             raise PacketError("this stream has no such packet")
         self._taken.add(key)
 
     def _preview_place(self, number: int) -> int:
         """The place of the preview that stands as level `number`, or a negative one."""
-        place = self._coarsest + len(self._options.previews) - number
-        return place if place < len(self._options.previews) else -1
+        place = self._coarsest + self._options.previews - number
+        return place if place < self._options.previews else -1
+
+    def _decoded_preview(self, packet: Packet) -> GridPreview:
+        if self._in_parts:
+            bits = self._options.preview_bits[self._preview_place(packet.level)]
+            return decode_preview_in_parts(packet.payload, bits, self._limits)
+        if packet.level not in self._vertex_counts:
+            raise PacketError("the header has no state of this level")
+        return decode_preview(packet.payload, self._vertex_counts[packet.level], self._bits, self._limits)
 
     def _decode_waiting(self) -> None:
         """Decode levels as far as Map&Conn packets have come, and what Diffs have waited for them."""

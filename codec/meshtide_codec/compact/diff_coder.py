@@ -19,7 +19,7 @@ from meshtide_codec.compact import diff_prediction_kernels as prediction
 from meshtide_codec.compact.diff_row_kernels import fill_rows
 from meshtide_codec.compact.mirror_kernels import find_partners
 from meshtide_codec.compact.models import new_diff_models
-from meshtide_codec.entropy.codec import encoded, fully_read, opened
+from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import DiffError
 
 if TYPE_CHECKING:
@@ -93,18 +93,29 @@ def encode_diff(
         slice_index: which of them.
         mirror: the stream's mirror plane, if it has one.
     """
+    writer = PayloadWriter()
+    write_diff(writer, octree, depth, state, slices, slice_index, mirror)
+    return writer.payload()
+
+
+def write_diff(
+    writer: PayloadWriter,
+    octree: Octree,
+    depth: int,
+    state: SliceState,
+    slices: Slices,
+    slice_index: int,
+    mirror: Mirror | None = None,
+) -> None:
+    """Like `encode_diff`, into a payload that holds more."""
     level = octree.levels[depth]
     plane = _BitPlane(level, state, slices.vertices(level, slice_index), mirror)
     true_cells = octree.positions[octree.first_vertices[depth][plane.owners]] >> (octree.bits - depth)
-    finished = state
 
-    def write(coder: Coder, buffer: Buffer) -> None:
-        nonlocal finished
-        finished = plane.run(coder, buffer, true_cells.copy())
+    def write(coder: Coder, buffer: Buffer) -> SliceState:
+        return plane.run(coder, buffer, true_cells.copy())
 
-    payload = encoded(write, expected_bytes=64 + len(plane.owners) // 2)
-    _go_on(state, finished)
-    return payload if len(plane.owners) else b""
+    _go_on(state, writer.write(write, expected_bytes=64 + len(plane.owners) // 2))
 
 
 def decode_diff(
@@ -129,16 +140,32 @@ def decode_diff(
         DiffError: an earlier Diff of the slice is missing, or the payload is too long.
     """
     plane = _BitPlane(level, state, slices.vertices(level, slice_index), mirror)
-    coder, buffer = opened(payload)
-    finished = plane.run(coder, buffer, np.zeros((len(plane.owners), 3), np.int32))
+    reader = PayloadReader(payload)
+    finished = plane.read(reader)
     needless = len(payload) > 0 and len(plane.owners) == 0
-    if needless or not fully_read(coder, payload):
+    if needless or not reader.finished:
         raise DiffError(
             f"the Diff of depth {level.depth}, slice {slice_index}, has {len(payload)} bytes where fewer are needed; "
             "it is damaged",
             packet=PACKET,
         )
     _go_on(state, finished)
+
+
+def read_diff(
+    reader: PayloadReader,
+    level: Level,
+    state: SliceState,
+    slices: Slices,
+    slice_index: int,
+    mirror: Mirror | None = None,
+) -> None:
+    """Like `decode_diff`, from a payload that may hold more.
+
+    Raises:
+        DiffError: an earlier Diff of the slice is missing.
+    """
+    _go_on(state, _BitPlane(level, state, slices.vertices(level, slice_index), mirror).read(reader))
 
 
 def has_diff(level: Level, slices: Slices, slice_index: int) -> bool:
@@ -204,6 +231,10 @@ class _BitPlane:
                 f"{len(state.cells)}; they are of different streams",
                 packet=PACKET,
             )
+
+    def read(self, reader: PayloadReader) -> SliceState:
+        """The state that follows, by the bits that a payload goes on with."""
+        return self.run(reader.coder, reader.buffer, np.zeros((len(self.owners), 3), np.int32))
 
     def run(self, coder: Coder, buffer: Buffer, targets: NDArray[np.int32]) -> SliceState:
         """Code the bits of `targets` (read or written, as the coder says); returns the state that follows."""

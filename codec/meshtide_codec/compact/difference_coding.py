@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from meshtide_codec.compact.diff_coder import decode_diff, encode_diff, new_slice_state
+from meshtide_codec.compact.diff_coder import decode_diff, encode_diff, new_slice_state, read_diff, write_diff
 from meshtide_codec.errors import DiffError
 from meshtide_codec.stream.parts import split_parts
 from meshtide_codec.stream.plain_values import BadValueError
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from meshtide_codec.compact.mirror import Mirror
     from meshtide_codec.compact.octree import Octree
     from meshtide_codec.compact.slices import Slices
+    from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 
 SMALL_PACKET = 64
 """Bytes below which a bit plane waits for the next one."""
@@ -45,6 +46,14 @@ class DifferenceCoder:
     def encode(self, octree: Octree, depth: int) -> bytes:
         """The bit plane of `depth`, which must be the next one."""
         return encode_diff(octree, depth, self.state, self._slices, self._index, self._mirror)
+
+    def write(self, writer: PayloadWriter, octree: Octree, depth: int) -> None:
+        """Like `encode`, into a payload that holds more."""
+        write_diff(writer, octree, depth, self.state, self._slices, self._index, self._mirror)
+
+    def read(self, reader: PayloadReader, level: Level) -> None:
+        """Take the bit plane of a level, which must be the next one, from a payload that may hold more."""
+        read_diff(reader, level, self.state, self._slices, self._index, self._mirror)
 
     def decode(self, payload: bytes, levels: Sequence[Level]) -> None:
         """Take a packet that holds the bit planes of the depths of `levels`, which must be the next ones.

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from meshtide_codec.compact.octree import Octree
 
 STRENGTH_UNIT = 128  # a byte of 128 is c = 1
-CANDIDATES = range(0, 193, 12)  # bytes that the encoder tries: c from 0 to 1.5
+STRENGTH_STEP = 12
+"""Strengths that a header can hold are multiples of this, up to 15 times as much: c from 0 to 1.4."""
+CANDIDATES = range(0, 16 * STRENGTH_STEP, STRENGTH_STEP)
 
 
 def drawn_positions(

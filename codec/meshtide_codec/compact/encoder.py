@@ -85,7 +85,7 @@ class CompactEncoding:
             diff_depths=tuple(packet_depths(planes, base_depth, self._last_needed_depth(slices))),
             mirror=mirror,
             slices=slices,
-            previews=tuple(preview.bits for preview in previews),
+            previews=len(previews),
         )
         report("levels", 0.6)
         self._send_previews(previews)

@@ -14,7 +14,7 @@ import numpy as np
 from meshtide_codec.compact import map_kernels
 from meshtide_codec.compact.level import Level
 from meshtide_codec.compact.mirror import mirrored_cells
-from meshtide_codec.entropy.codec import encoded, fully_read, opened
+from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import MapConnError
 
 if TYPE_CHECKING:
@@ -37,17 +37,23 @@ def encode_map(coarse: Level, fine: Level, bits: int, models: Models, mirror: Mi
         models: states after the previous Map; they go on to the states after this one.
         mirror: the stream's mirror plane, if it has one.
     """
-    occupied, leaf = _child_bits(coarse, fine)
-    seen = models.copy()
+    writer = PayloadWriter()
+    write_map(writer, coarse, fine, bits, models, mirror)
+    return writer.payload()
 
-    def write(coder: Coder, buffer: Buffer) -> None:
-        nonlocal seen
+
+def write_map(
+    writer: PayloadWriter, coarse: Level, fine: Level, bits: int, models: Models, mirror: Mirror | None
+) -> None:
+    """Like `encode_map`, into a payload that holds more."""
+    occupied, leaf = _child_bits(coarse, fine)
+
+    def write(coder: Coder, buffer: Buffer) -> Models:
         seen = models.copy()
         _run(coder, buffer, seen, coarse, bits, mirror, occupied, leaf, vertex_limit=2 * fine.vertex_count)
+        return seen
 
-    payload = encoded(write, expected_bytes=fine.vertex_count)
-    models.adopt(seen)
-    return payload
+    models.adopt(writer.write(write, expected_bytes=fine.vertex_count))
 
 
 def decode_map(
@@ -71,22 +77,37 @@ def decode_map(
     Raises:
         MapConnError: the payload claims more vertices than the mesh has, is too long, or does not add up.
     """
+    reader = PayloadReader(payload)
+    seen = models.copy()
+    fine = read_map(reader, coarse, bits, seen, vertex_count, mirror)
+    if not reader.finished:
+        raise MapConnError(
+            f"the Map of depth {fine.depth} goes on for {len(payload)} bytes where fewer are needed; it is damaged",
+            packet=PACKET,
+        )
+    models.adopt(seen)
+    return fine
+
+
+def read_map(
+    reader: PayloadReader, coarse: Level, bits: int, models: Models, vertex_count: int, mirror: Mirror | None
+) -> Level:
+    """Like `decode_map`, from a payload that may hold more.
+
+    Raises:
+        MapConnError: as there, but for the length; `models` are of no use any more.
+    """
     depth = coarse.depth + 1
     if coarse.all_leaves or depth > bits:
         raise MapConnError(f"a Map for depth {depth} is out of place: nothing is left to split", packet=PACKET)
-    coder, buffer = opened(payload)
-    seen = models.copy()
     occupied = np.zeros(coarse.vertex_count, np.uint8)
     leaf = np.zeros(coarse.vertex_count, np.uint8)
-    children = _run(coder, buffer, seen, coarse, bits, mirror, occupied, leaf, vertex_limit=vertex_count)
+    children = _run(
+        reader.coder, reader.buffer, models, coarse, bits, mirror, occupied, leaf, vertex_limit=vertex_count
+    )
     if children == map_kernels.TOO_MANY_VERTICES:
         raise MapConnError(
             f"the Map of depth {depth} claims more than the {vertex_count} vertices of the header; it is damaged",
-            packet=PACKET,
-        )
-    if not fully_read(coder, payload):
-        raise MapConnError(
-            f"the Map of depth {depth} goes on for {len(payload)} bytes where fewer are needed; it is damaged",
             packet=PACKET,
         )
     fine = _level_of_children(coarse, occupied, leaf, children)
@@ -96,7 +117,6 @@ def decode_map(
             "vertices; one of them is damaged",
             packet=PACKET,
         )
-    models.adopt(seen)
     return fine
 
 

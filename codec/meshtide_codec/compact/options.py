@@ -6,18 +6,24 @@ import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from meshtide_codec.compact.display_filter import STRENGTH_STEP
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.slices import Slices
 from meshtide_codec.errors import ContainerError, OptionError
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream import plain_values
+from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from meshtide_codec.stream.header import StreamHeader
+
 PROFILE = "compact"
 MAXIMUM_SLICES = 4096
 MAXIMUM_PREVIEWS = 8
+PLACES_BY_PACKETS = 3
+"""The format version from which on the packet table alone tells what is sent at which depth."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,9 @@ class CompactHeader:
         diff_depths: the depths at which Diff packets end, ascending; each holds the bit planes since the one before.
         mirror: the plane of symmetry, if one is used.
         slices: where the slices begin.
-        previews: bits per coordinate of each preview, in the order in which they are sent.
+        previews: how many previews there are.
+        preview_bits: bits per coordinate of each of them, in the order in which they are sent, if the header tells
+            them, as it does before format version 3.
     """
 
     base_depth: int
@@ -72,33 +80,63 @@ class CompactHeader:
     diff_depths: tuple[int, ...]
     mirror: Mirror | None
     slices: Slices
-    previews: tuple[int, ...]
+    previews: int
+    preview_bits: tuple[int, ...] = ()
 
     def to_options(self) -> dict[str, Any]:
-        """The fields as plain msgpack values, for `StreamHeader.options`; those that say nothing are left out."""
-        options: dict[str, Any] = {"b": self.base_depth, "f": self.strengths, "d": bytes(self.diff_depths)}
+        """The fields as plain msgpack values, for `StreamHeader.options`; not those that the packet table tells."""
+        options: dict[str, Any] = {}
+        if any(self.strengths):
+            options["f"] = _pack_strengths(self.strengths)
         if self.mirror is not None:
             options["m"] = [self.mirror.axis, self.mirror.coordinate_sum]
         if len(self.slices) > 1:
             options["s"] = list(self.slices.starts)
-        if self.previews:
-            options["p"] = bytes(self.previews)
         return options
 
     @classmethod
-    def from_options(cls, options: Mapping[str, Any], bits: int) -> CompactHeader:
-        """The fields that `to_options` wrote.
+    def from_header(cls, header: StreamHeader) -> CompactHeader:
+        """The fields that a stream's header tells: by the options that `to_options` wrote, and by its packets.
 
         Raises:
             ContainerError: a field is missing, unknown or out of range.
         """
         try:
-            return cls._from_options(options, bits)
+            return cls._from_options(header) if header.version < PLACES_BY_PACKETS else cls._from_packets(header)
         except (plain_values.BadValueError, OptionError) as error:
             raise ContainerError(f"damaged stream header: {error}") from error
 
     @classmethod
-    def _from_options(cls, options: Mapping[str, Any], bits: int) -> CompactHeader:
+    def _from_packets(cls, header: StreamHeader) -> CompactHeader:
+        options, bits = header.options, header.bits
+        if not set(options) <= {"f", "m", "s"}:
+            raise plain_values.BadValueError(f"options of a compact stream are not {plain_values.shown(options)}")
+        levels: dict[PacketKind, list[int]] = {kind: [] for kind in PacketKind}
+        for entry in header.packets:
+            levels[entry.kind].append(entry.level)
+        if len(levels[PacketKind.BASE]) != 1:
+            raise plain_values.BadValueError(f"{len(levels[PacketKind.BASE])} Base packets instead of one")
+        base_depth = plain_values.integer(bits - levels[PacketKind.BASE][0], "base depth", 0, bits)
+        depths = sorted({bits - level for level in levels[PacketKind.DIFF]})
+        if depths and not base_depth <= depths[0]:
+            raise plain_values.BadValueError(f"a Diff of depth {depths[0]} before the base depth {base_depth}")
+        previews = len(levels[PacketKind.PREVIEW])
+        if previews > MAXIMUM_PREVIEWS:
+            raise plain_values.BadValueError(f"{previews} previews, more than {MAXIMUM_PREVIEWS}")
+        count = bits - base_depth + 1
+        packed = plain_values.binary(options.get("f", b""), "strengths", (count + 1) // 2)
+        return cls(
+            base_depth=base_depth,
+            strengths=_unpack_strengths(packed, count),
+            diff_depths=tuple(depths),
+            mirror=_mirror(options, bits),
+            slices=_slices(options, bits),
+            previews=previews,
+        )
+
+    @classmethod
+    def _from_options(cls, header: StreamHeader) -> CompactHeader:
+        options, bits = header.options, header.bits
         if not {"b", "f", "d"} <= set(options) <= {"b", "f", "d", "m", "s", "p"}:
             raise plain_values.BadValueError(f"options of a compact stream are not {plain_values.shown(options)}")
         base_depth = plain_values.integer(options["b"], "base depth", 0, bits)
@@ -106,17 +144,6 @@ class CompactHeader:
         if any(not base_depth <= depth <= bits for depth in depths) or list(depths) != sorted(set(depths)):
             raise plain_values.BadValueError(f"depths of Diffs must ascend in {base_depth}..{bits}")
         count = bits - base_depth + 1
-        mirror = None
-        if "m" in options:
-            axis, coordinate_sum = plain_values.array(options["m"], "mirror", 2)
-            mirror = Mirror(
-                plain_values.integer(axis, "mirror axis", 0, 2),
-                plain_values.integer(coordinate_sum, "mirror sum", 0, (2 << bits) - 1),
-                bits,
-            )
-        starts = plain_values.array(options.get("s", [0]), "slices")
-        if len(starts) > MAXIMUM_SLICES:
-            raise plain_values.BadValueError(f"{len(starts)} slices, more than {MAXIMUM_SLICES}")
         previews = plain_values.binary(options.get("p", b""), "previews", MAXIMUM_PREVIEWS)
         if any(not SMALLEST_B <= preview <= bits for preview in previews):
             raise plain_values.BadValueError(f"bits of previews must be {SMALLEST_B}..{bits}")
@@ -124,7 +151,42 @@ class CompactHeader:
             base_depth=base_depth,
             strengths=plain_values.binary(options["f"], "strengths", count, count),
             diff_depths=tuple(depths),
-            mirror=mirror,
-            slices=Slices(bits, tuple(plain_values.integer(start, "start of a slice") for start in starts)),
-            previews=tuple(previews),
+            mirror=_mirror(options, bits),
+            slices=_slices(options, bits),
+            previews=len(previews),
+            preview_bits=tuple(previews),
         )
+
+
+def _mirror(options: Mapping[str, Any], bits: int) -> Mirror | None:
+    if "m" not in options:
+        return None
+    axis, coordinate_sum = plain_values.array(options["m"], "mirror", 2)
+    return Mirror(
+        plain_values.integer(axis, "mirror axis", 0, 2),
+        plain_values.integer(coordinate_sum, "mirror sum", 0, (2 << bits) - 1),
+        bits,
+    )
+
+
+def _slices(options: Mapping[str, Any], bits: int) -> Slices:
+    starts = plain_values.array(options.get("s", [0]), "slices")
+    if len(starts) > MAXIMUM_SLICES:
+        raise plain_values.BadValueError(f"{len(starts)} slices, more than {MAXIMUM_SLICES}")
+    return Slices(bits, tuple(plain_values.integer(start, "start of a slice") for start in starts))
+
+
+def _pack_strengths(strengths: bytes) -> bytes:
+    """Two in a byte, in steps of `STRENGTH_STEP`, the first one in the upper half; zeros at the end left out.
+
+    >>> _pack_strengths(bytes([96, 48, 12, 0, 0])).hex()
+    '8410'
+    """
+    halves = [strength // STRENGTH_STEP for strength in strengths] + [0]
+    packed = bytes(upper << 4 | lower for upper, lower in zip(halves[0::2], halves[1::2], strict=False))
+    return packed.rstrip(b"\0")
+
+
+def _unpack_strengths(packed: bytes, count: int) -> bytes:
+    halves = [half for byte in packed for half in (byte >> 4, byte & 15)]
+    return bytes(STRENGTH_STEP * half for half in halves[:count]) + bytes(max(count - len(halves), 0))

@@ -1,14 +1,15 @@
 """Payloads of the reliable packets of a compact stream: Base and Map&Conn, to bytes and back.
 
 ========  ======================================================================================================
-packet    payload
+packet    payload, all of it range-coded in one go
 ========  ======================================================================================================
-Base      for each depth from 1 to the base depth two parts, Map and faces, the face counts in front of them
-Map&Conn  two parts, Map and faces
+Base      for each depth from 1 to the base depth the Map, how many faces there are, and the faces
+Map&Conn  Map and faces
 ========  ======================================================================================================
 
-Once all cells are leaves there are no Maps any more and the faces stay the same. The faces of a depth are coded
-given those of the depth before, the Map, and the centres of the cells. Nothing here depends on a Diff.
+Before format version 3 each Map and the faces of each depth were a part of their own, the face counts in front. Once
+all cells are leaves there are no Maps any more and the faces stay the same. The faces of a depth are coded given those
+of the depth before, the Map, and the centres of the cells. Nothing here depends on a Diff.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.compact.level import root_level
-from meshtide_codec.compact.map_coder import decode_map, encode_map
+from meshtide_codec.compact.map_coder import decode_map, read_map, write_map
 from meshtide_codec.compact.models import new_map_models
-from meshtide_codec.connectivity import decode_faces, encode_faces
+from meshtide_codec.connectivity import decode_faces, read_faces, write_faces
+from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
+from meshtide_codec.entropy.model_kernels import SIGNED_CONTEXTS, code_signed, new_contexts
 from meshtide_codec.errors import BaseError, MapConnError
-from meshtide_codec.stream.parts import join_parts, read_number, split_parts, write_number
+from meshtide_codec.stream.parts import read_number, split_parts
 from meshtide_codec.stream.plain_values import BadValueError
 
 if TYPE_CHECKING:
@@ -30,6 +33,8 @@ if TYPE_CHECKING:
     from meshtide_codec.compact.mirror import Mirror
     from meshtide_codec.compact.models import Models
     from meshtide_codec.compact.octree import Octree
+    from meshtide_codec.entropy.model_kernels import Contexts
+    from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
     from meshtide_codec.limits import Limits
 
 NO_FACES = np.zeros((0, 3), np.int32)
@@ -38,27 +43,37 @@ NO_FACES = np.zeros((0, 3), np.int32)
 class ReliableCoder:
     """Writes or reads the reliable packets of one stream, coarse to fine; its models learn from each of them.
 
+    Other coders may go on with the payload of a Base: `write_base` and `read_base` neither begin nor end one.
+
     Args:
         bits: depth of the finest level.
         vertices: vertices of the finest level.
         mirror: the plane of symmetry, if one is used.
+        in_parts: whether payloads that are read are made of parts, as before format version 3.
     """
 
-    def __init__(self, bits: int, vertices: int, mirror: Mirror | None) -> None:
+    def __init__(self, bits: int, vertices: int, mirror: Mirror | None, *, in_parts: bool = False) -> None:
         self._bits = bits
         self._vertices = vertices
         self._mirror = mirror
+        self._in_parts = in_parts
         self._models: Models = new_map_models()
 
     def encode_base(self, octree: Octree, base_depth: int) -> bytes:
         """The payload that holds all levels down to `base_depth`."""
-        numbers, parts = b"", []
+        writer = PayloadWriter()
+        self.write_base(writer, octree, base_depth)
+        return writer.payload()
+
+    def write_base(self, writer: PayloadWriter, octree: Octree, base_depth: int) -> None:
+        """Like `encode_base`, into a payload that holds more."""
+        counts = new_contexts(SIGNED_CONTEXTS)
         for depth in range(1, base_depth + 1):
             coarse, fine = octree.levels[depth - 1], octree.levels[depth]
             if not coarse.all_leaves:
-                numbers += write_number(len(_faces(fine)))
-                parts += [encode_map(coarse, fine, self._bits, self._models, self._mirror), _encode_faces(coarse, fine)]
-        return numbers + join_parts(parts) if parts else b""
+                write_map(writer, coarse, fine, self._bits, self._models, self._mirror)
+                _write_face_count(writer, counts, fine)
+                _write_faces(writer, coarse, fine)
 
     def decode_base(self, payload: bytes, base_depth: int, limits: Limits) -> list[Level]:
         """The levels of depths 0 to `base_depth`.
@@ -67,6 +82,64 @@ class ReliableCoder:
             BaseError, MapConnError: the payload is damaged.
             LimitError: a level over the limits.
         """
+        if self._in_parts:
+            return self._decode_base_in_parts(payload, base_depth, limits)
+        reader = PayloadReader(payload)
+        levels = self.read_base(reader, base_depth, limits)
+        if not reader.finished:
+            raise BaseError("bytes follow the last face; the stream is damaged", offset=reader.offset)
+        return levels
+
+    def read_base(self, reader: PayloadReader, base_depth: int, limits: Limits) -> list[Level]:
+        """Like `decode_base`, from a payload that may hold more.
+
+        Raises:
+            BaseError, MapConnError: the payload is damaged.
+            LimitError: a level over the limits.
+        """
+        levels = [root_level(self._vertices)]
+        counts = new_contexts(SIGNED_CONTEXTS)
+        for depth in range(1, base_depth + 1):
+            coarse = levels[-1]
+            if coarse.all_leaves and depth > 1:
+                raise BaseError("the coarsest level lies deeper than the last Map; the stream is damaged")
+            if coarse.all_leaves:
+                return [*levels, *_deepened(coarse, base_depth)]
+            fine = read_map(reader, coarse, self._bits, self._models, self._vertices, self._mirror)
+            face_count = 2 * fine.vertex_count + int(code_signed(reader.coder, reader.buffer, counts, 0, 0))
+            if face_count < 0:
+                raise BaseError(f"{face_count} faces at depth {depth}; the stream is damaged", offset=reader.offset)
+            limits.check_mesh(0, face_count)
+            levels.append(_read_faces(reader, coarse, fine, face_count))
+        return levels
+
+    def encode_map_conn(self, coarse: Level, fine: Level) -> bytes:
+        """The payload that leads from one level to the next."""
+        writer = PayloadWriter()
+        write_map(writer, coarse, fine, self._bits, self._models, self._mirror)
+        _write_faces(writer, coarse, fine)
+        return writer.payload()
+
+    def decode_map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
+        """The level at the next depth.
+
+        Raises:
+            MapConnError: the payload is damaged.
+        """
+        if self._in_parts:
+            try:
+                map_payload, face_payload = split_parts(payload, 2)
+            except BadValueError as error:
+                raise MapConnError(f"{error}; the stream is damaged", offset=0) from error
+            return self._decode_parts(map_payload, face_payload, coarse, face_count)
+        reader = PayloadReader(payload)
+        fine = read_map(reader, coarse, self._bits, self._models, self._vertices, self._mirror)
+        fine = _read_faces(reader, coarse, fine, face_count)
+        if not reader.finished:
+            raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
+        return fine
+
+    def _decode_base_in_parts(self, payload: bytes, base_depth: int, limits: Limits) -> list[Level]:
         levels = [root_level(self._vertices)]
         try:
             face_counts = []
@@ -80,43 +153,51 @@ class ReliableCoder:
             raise BaseError(f"{error}; the stream is damaged", offset=0) from error
         if not face_counts and payload:
             raise BaseError("a mesh of one vertex has an empty Base packet; the stream is damaged", offset=0)
+        if levels[0].all_leaves:
+            return [*levels, *_deepened(levels[0], base_depth)]
         for depth in range(1, base_depth + 1):
-            if levels[-1].all_leaves and depth <= len(face_counts):
-                raise BaseError("the coarsest level lies deeper than the last Map; the stream is damaged")
             if levels[-1].all_leaves:
-                levels.append(levels[-1].deepened())
-            else:
-                map_payload, face_payload = parts[2 * depth - 2 : 2 * depth]
-                levels.append(self._decode(map_payload, face_payload, levels[-1], face_counts[depth - 1]))
+                raise BaseError("the coarsest level lies deeper than the last Map; the stream is damaged")
+            map_payload, face_payload = parts[2 * depth - 2 : 2 * depth]
+            levels.append(self._decode_parts(map_payload, face_payload, levels[-1], face_counts[depth - 1]))
         return levels
 
-    def encode_map_conn(self, coarse: Level, fine: Level) -> bytes:
-        """The payload that leads from one level to the next."""
-        return join_parts(
-            [encode_map(coarse, fine, self._bits, self._models, self._mirror), _encode_faces(coarse, fine)]
-        )
-
-    def decode_map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
-        """The level at the next depth.
-
-        Raises:
-            MapConnError: the payload is damaged.
-        """
-        try:
-            map_payload, face_payload = split_parts(payload, 2)
-        except BadValueError as error:
-            raise MapConnError(f"{error}; the stream is damaged", offset=0) from error
-        return self._decode(map_payload, face_payload, coarse, face_count)
-
-    def _decode(self, map_payload: bytes, face_payload: bytes, coarse: Level, face_count: int) -> Level:
+    def _decode_parts(self, map_payload: bytes, face_payload: bytes, coarse: Level, face_count: int) -> Level:
         fine = decode_map(map_payload, coarse, self._bits, self._models, self._vertices, self._mirror)
         return fine.with_faces(
             decode_faces(face_payload, fine.parents, _faces(coarse), coarse.vertex_count, face_count, fine.centres)
         )
 
 
-def _encode_faces(coarse: Level, fine: Level) -> bytes:
-    return encode_faces(_faces(fine), fine.parents, _faces(coarse), coarse.vertex_count, fine.centres)
+def _write_face_count(writer: PayloadWriter, counts: Contexts, level: Level) -> None:
+    """How many faces more than two a vertex there are: most surfaces have nearly none."""
+    surplus = len(_faces(level)) - 2 * level.vertex_count
+    before = counts.copy()
+
+    def write(coder: Coder, buffer: Buffer) -> None:
+        counts[:] = before
+        code_signed(coder, buffer, counts, 0, surplus)
+
+    writer.write(write)
+
+
+def _write_faces(writer: PayloadWriter, coarse: Level, fine: Level) -> None:
+    write_faces(writer, _faces(fine), fine.parents, _faces(coarse), coarse.vertex_count, fine.centres)
+
+
+def _read_faces(reader: PayloadReader, coarse: Level, fine: Level, face_count: int) -> Level:
+    return fine.with_faces(
+        read_faces(reader, fine.parents, _faces(coarse), coarse.vertex_count, face_count, fine.centres)
+    )
+
+
+def _deepened(leaves: Level, depth: int) -> list[Level]:
+    """The levels down to `depth` of a mesh of a single vertex."""
+    levels = []
+    for _ in range(depth):
+        leaves = leaves.deepened()
+        levels.append(leaves)
+    return levels
 
 
 def _faces(level: Level) -> np.ndarray:

@@ -16,8 +16,8 @@ from meshtide_codec.connectivity.level_kernels import Level
 from meshtide_codec.connectivity.tables import new_models
 from meshtide_codec.connectivity.traversal_kernels import find_witnesses, traverse
 from meshtide_codec.connectivity.truth_kernels import build_truth, empty_truth, survey
-from meshtide_codec.entropy.codec import encoded, fully_read, opened
-from meshtide_codec.entropy.range_coder_kernels import POSITION, code_raw_bits
+from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
+from meshtide_codec.entropy.range_coder_kernels import code_raw_bits
 from meshtide_codec.errors import MapConnError, MeshError
 
 if TYPE_CHECKING:
@@ -73,13 +73,40 @@ def encode_with(
     positions: Integers | None,
 ) -> bytes:
     """Like `encode_faces`, starting from the given models and leaving in them what they have learnt."""
+    writer = PayloadWriter()
+    _write_with(writer, models, fine_faces, parents, coarse_faces, coarse_count, positions)
+    return writer.payload()
+
+
+def write_faces(
+    writer: PayloadWriter,
+    fine_faces: Integers,
+    parents: Integers,
+    coarse_faces: Integers,
+    coarse_count: int,
+    positions: Integers | None = None,
+) -> None:
+    """Like `encode_faces`, into a payload that holds more."""
+    models = new_models(geometric=positions is not None)
+    _write_with(writer, models, fine_faces, parents, coarse_faces, coarse_count, positions)
+
+
+def _write_with(
+    writer: PayloadWriter,
+    models: Models,
+    fine_faces: Integers,
+    parents: Integers,
+    coarse_faces: Integers,
+    coarse_count: int,
+    positions: Integers | None,
+) -> None:
     problem = _problem(parents, coarse_faces, coarse_count, positions)
     if problem is None and not _valid_indices(fine_faces, len(parents)):
         problem = "the fine faces must be an (m, 3) array of fine vertices"
     if problem is not None:
         raise MeshError(f"connectivity cannot be coded: {problem}")
     if len(fine_faces) == 0:
-        return b""
+        return
     fine_parents = np.ascontiguousarray(parents, np.int32)
     coarse = build_coarse_mesh(fine_parents, np.ascontiguousarray(coarse_faces, np.int32), coarse_count)
     truth = build_truth(np.ascontiguousarray(fine_faces, np.int32), len(parents))
@@ -89,9 +116,9 @@ def encode_with(
     if len(parents) == coarse_count:
         closed = clean = True  # nothing splits: all faces are copied, and nothing is announced wrongly
     while True:
-        payload, status = _encoded_as(closed, clean, models, coarse, truth, fine_parents, positions)
+        status = _write_as(closed, clean, writer, models, coarse, truth, fine_parents, positions)
         if status == level_kernels.DONE:
-            return payload
+            return
         if status == level_kernels.NOT_CLOSED and closed:
             closed = False
         elif status == level_kernels.NOT_CLEAN and clean:
@@ -103,36 +130,40 @@ def encode_with(
             )
 
 
-def _encoded_as(
+def _write_as(
     closed: bool,
     clean: bool,
+    writer: PayloadWriter,
     models: Models,
     coarse: CoarseMesh,
     truth: Truth,
     parents: NDArray[np.int32],
     positions: Integers | None,
-) -> tuple[bytes, int]:
-    """The payload of a level announced as closed or clean or not, and the status that says whether it was true."""
-    status = level_kernels.DONE
+) -> int:
+    """Write a level announced as closed or clean or not; returns the status that says whether it was true.
+
+    Nothing has been written or learnt if it was not.
+    """
+    before = writer.mark()
     witnesses = find_witnesses(truth.faces, parents, coarse)
     fresh = Models(models.contexts.copy(), models.scores.copy(), models.weights.copy())
 
-    def write(coder: Coder, buffer: Buffer) -> None:
-        nonlocal status
+    def write(coder: Coder, buffer: Buffer) -> int:
         models.contexts[:] = fresh.contexts
         models.scores[:] = fresh.scores
         models.weights[:] = fresh.weights
         level = new_level(coarse, truth, parents, len(truth.faces), positions)
         level = level._replace(encoding=True, closed=closed, clean=clean)
         code_raw_bits(coder, buffer, 2, 2 * closed + clean)
-        status = traverse(coder, buffer, models, level, witnesses)
+        return int(traverse(coder, buffer, models, level, witnesses))
 
-    payload = encoded(write, len(truth.faces))
+    status = writer.write(write, len(truth.faces))
     if status != level_kernels.DONE:
         models.contexts[:] = fresh.contexts
         models.scores[:] = fresh.scores
         models.weights[:] = fresh.weights
-    return payload, status
+        writer.go_back(before)
+    return status
 
 
 def decode_faces(
@@ -151,30 +182,47 @@ def decode_faces(
     Raises:
         MapConnError: the payload is damaged, or does not belong to these arguments.
     """
+    reader = PayloadReader(payload)
+    faces = read_faces(reader, parents, coarse_faces, coarse_count, face_count, positions)
+    if face_count == 0 and len(payload) > 0:
+        raise MapConnError("connectivity of a level without faces must be empty", offset=0)
+    if not reader.finished:
+        raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
+    return faces
+
+
+def read_faces(
+    reader: PayloadReader,
+    parents: Integers,
+    coarse_faces: Integers,
+    coarse_count: int,
+    face_count: int,
+    positions: Integers | None = None,
+) -> NDArray[np.int32]:
+    """Like `decode_faces`, from a payload that may hold more.
+
+    Raises:
+        MapConnError: as there, but for the length.
+    """
     problem = _problem(parents, coarse_faces, coarse_count, positions)
     if problem is not None:
         raise MapConnError(f"connectivity cannot be decoded: {problem}")
     if face_count == 0:
-        if len(payload) > 0:
-            raise MapConnError("connectivity of a level without faces must be empty", offset=0)
         return np.zeros((0, 3), np.int32)
     fine_parents = np.ascontiguousarray(parents, np.int32)
     coarse = build_coarse_mesh(fine_parents, np.ascontiguousarray(coarse_faces, np.int32), coarse_count)
-    coder, buffer = opened(payload)
-    flags = code_raw_bits(coder, buffer, 2, 0)
+    flags = code_raw_bits(reader.coder, reader.buffer, 2, 0)
     level = new_level(coarse, empty_truth(), fine_parents, face_count, positions)
     level = level._replace(closed=flags >= 2, clean=flags % 2 == 1)
-    status = traverse(coder, buffer, new_models(geometric=positions is not None), level, NOTHING)
-    offset = min(int(coder[POSITION]), len(payload))
+    models = new_models(geometric=positions is not None)
+    status = traverse(reader.coder, reader.buffer, models, level, NOTHING)
     if status != level_kernels.DONE:
-        raise MapConnError(f"{REASONS[status]}; the stream is damaged", offset=offset)
-    if not fully_read(coder, payload):
-        raise MapConnError("bytes follow the last face; the stream is damaged", offset=offset)
+        raise MapConnError(f"{REASONS[status]}; the stream is damaged", offset=reader.offset)
     triangles = level.fine.triangles
     del level, coarse  # sorting needs room
     faces = sorted_faces(triangles, len(parents))
     if np.any(np.all(faces[1:] == faces[:-1], axis=1)):
-        raise MapConnError("a face appears twice; the stream is damaged", offset=offset)
+        raise MapConnError("a face appears twice; the stream is damaged", offset=reader.offset)
     return faces
 
 

@@ -33,11 +33,13 @@ def decode_classic(stream: Stream, number: int) -> Drawn:
     count = sizes[coarsest].vertices
     cells = _base_cells(cell_part, count, stream.bits - shifts[coarsest])
     points = [_centre(list(cell), shifts[coarsest]) for cell in cells]
-    faces = decode_faces(face_part, [0] * count, [], 1, sizes[coarsest].faces, None)
+    with RangeDecoder(face_part) as decoder:
+        faces = decode_faces(decoder, [0] * count, [], 1, sizes[coarsest].faces, None)
     for level in range(coarsest - 1, number - 1, -1):
         count_part, face_part = split_parts(packets[MAP_CONN, level, 0], 2)
         parents = _parents(count_part, len(points))
-        faces = decode_faces(face_part, parents, faces, len(points), sizes[level].faces, None)
+        with RangeDecoder(face_part) as decoder:
+            faces = decode_faces(decoder, parents, faces, len(points), sizes[level].faces, None)
         coefficients: list[list[float]] = [[], [], []]
         if (PARAM, level, 0) in packets:
             rows = struct.iter_unpack(f"<{coefficient_count(spec)}f", packets[PARAM, level, 0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from meshtide_codec.reference.container import BASE, DIFF, MAP_CONN, PREVIEW, Key, split_parts
@@ -9,7 +10,8 @@ from meshtide_codec.reference.diff_decoding import SliceDecoder
 from meshtide_codec.reference.display_filter import drawn, known_cells
 from meshtide_codec.reference.mirror import Mirror
 from meshtide_codec.reference.octree import Level, deepened
-from meshtide_codec.reference.previews import decode_preview
+from meshtide_codec.reference.previews import decode_preview, decode_preview_in_parts
+from meshtide_codec.reference.range_decoder import RangeDecoder
 from meshtide_codec.reference.reliable_decoding import ReliableDecoder
 
 if TYPE_CHECKING:
@@ -20,39 +22,71 @@ if TYPE_CHECKING:
 def decode_compact(stream: Stream, number: int) -> Drawn:
     """Level or preview `number`, as the packets that it needs show it."""
     packets = stream.packets_for(number)
-    coarsest = stream.bits - stream.options["b"]
+    shape = shape_of(stream)
+    coarsest = stream.bits - shape.base_depth
+    if number > coarsest and stream.version < 3:
+        bits = shape.preview_bits[coarsest + len(shape.preview_bits) - number]
+        return decode_preview_in_parts(packets[PREVIEW, number, 0], bits, stream.bits)
     if number > coarsest:
-        previews = stream.options.get("p", b"")
-        bits = previews[coarsest + len(previews) - number]
-        return decode_preview(packets[PREVIEW, number, 0], bits, stream.bits)
+        return decode_preview(packets[PREVIEW, number, 0], stream.vertices_of(number), stream.bits)
     mirror = None
     if "m" in stream.options:
         axis, coordinate_sum = stream.options["m"]
         mirror = Mirror(axis, coordinate_sum, stream.bits)
-    levels = _decode_levels(stream, packets, mirror)
+    levels = _decode_levels(stream, packets, shape.base_depth, mirror)
     slices = stream.options.get("s", [0])
     states = [SliceDecoder(levels[0], slices, index, stream.bits, mirror) for index in range(len(slices))]
-    for depth in stream.options["d"]:
+    for depth in shape.diff_depths:
         for index, state in enumerate(states):
             payload = packets.get((DIFF, stream.bits - depth, index))
             if payload is not None:
                 _decode_diff(payload, state, levels[state.depth + 1 : depth + 1])
     level = levels[stream.bits - number]
-    strength = stream.options["f"][level.depth - stream.options["b"]]
+    strength = shape.strengths[level.depth - shape.base_depth]
     return drawn(level, known_cells(level, states, stream.bits), strength), level.faces
 
 
-def _decode_levels(stream: Stream, packets: dict[Key, bytes], mirror: Mirror | None) -> list[Level]:
+@dataclass(frozen=True)
+class Shape:
+    """What is sent at which depth (section 8.1).
+
+    Attributes:
+        base_depth: of the coarsest level.
+        strengths: of the display filter, from the base depth on.
+        diff_depths: the depths at which Diff packets end.
+        preview_bits: bits of each preview, before version 3.
+    """
+
+    base_depth: int
+    strengths: list[int]
+    diff_depths: list[int]
+    preview_bits: list[int]
+
+
+def shape_of(stream: Stream) -> Shape:
+    """What the options tell; from version 3 on the packets tell most of it."""
+    options = stream.options
+    if stream.version < 3:
+        return Shape(options["b"], list(options["f"]), list(options["d"]), list(options.get("p", b"")))
+    base_depth = next(stream.bits - level for kind, level, _ in stream.payloads if kind == BASE)
+    diff_depths = sorted({stream.bits - level for kind, level, _ in stream.payloads if kind == DIFF})
+    strengths = [12 * half for byte in options.get("f", b"") for half in (byte // 16, byte % 16)]
+    return Shape(base_depth, strengths + [0] * (stream.bits + 1), diff_depths, [])
+
+
+def _decode_levels(stream: Stream, packets: dict[Key, bytes], base_depth: int, mirror: Mirror | None) -> list[Level]:
     """The levels of all depths from 0 on, as far as the packets go."""
     reliable = ReliableDecoder(stream.bits, mirror)
-    base_depth = stream.options["b"]
-    levels = reliable.base(packets[BASE, stream.bits - base_depth, 0], base_depth, stream.states[-1].vertices)
+    base, map_conn = reliable.base, reliable.map_conn
+    if stream.version < 3:
+        base, map_conn = reliable.base_in_parts, reliable.map_conn_in_parts
+    levels = base(packets[BASE, stream.bits - base_depth, 0], base_depth, stream.states[-1].vertices)
     for depth in range(base_depth + 1, stream.bits + 1):
         number = stream.bits - depth
         if all(levels[-1].leaves):
             levels.append(deepened(levels[-1]))
         elif (MAP_CONN, number, 0) in packets:
-            levels.append(reliable.map_conn(packets[MAP_CONN, number, 0], levels[-1], stream.faces_of(number)))
+            levels.append(map_conn(packets[MAP_CONN, number, 0], levels[-1], stream.faces_of(number)))
         else:
             break
     return levels
@@ -61,4 +95,5 @@ def _decode_levels(stream: Stream, packets: dict[Key, bytes], mirror: Mirror | N
 def _decode_diff(payload: bytes, state: SliceDecoder, levels: list[Level]) -> None:
     """A packet with the bit planes of the depths of `levels`."""
     for part, level in zip(split_parts(payload, len(levels)), levels, strict=True):
-        state.decode(part, level)
+        with RangeDecoder(part) as decoder:
+            state.decode(decoder, level)

@@ -11,15 +11,15 @@ from meshtide_codec.reference.faces_extra import ExtraFaces
 from meshtide_codec.reference.faces_gates import Gates
 from meshtide_codec.reference.faces_growth import Growth
 from meshtide_codec.reference.faces_spelt import SpeltFaces
-from meshtide_codec.reference.range_decoder import RangeDecoder
 from meshtide_codec.reference.trained_states import connectivity_states
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.octree import Cell, Face
+    from meshtide_codec.reference.range_decoder import RangeDecoder
 
 
 def decode_faces(
-    payload: bytes,
+    decoder: RangeDecoder,
     parents: list[int],
     coarse_faces: list[Face],
     coarse_count: int,
@@ -29,7 +29,7 @@ def decode_faces(
     """The faces, each with its smallest corner first, in lexicographic order.
 
     Args:
-        payload: of the faces.
+        decoder: where the faces begin.
         parents: coarse vertex of each fine vertex, never falling.
         coarse_faces: faces of the coarse level.
         coarse_count: its number of vertices.
@@ -37,16 +37,14 @@ def decode_faces(
         positions: centres of the fine vertices' cells in half cells; None in profile classic.
 
     Raises:
-        MapConnError, PacketError: the payload is damaged.
+        MapConnError, PacketError: the faces are damaged.
     """
-    if face_count == 0 and not payload:
+    if face_count == 0:
         return []
     neurons, scores = connectivity_states(geometric=positions is not None)
     coarse = CoarseMesh(parents, coarse_faces, coarse_count)
-    decoder = RangeDecoder(payload)
     growth = Growth(coarse, face_count, positions, scores, Choices(decoder, neurons))
     _traverse(growth)
-    decoder.finish()
     faces = sorted(_rotated(face) for face in growth.fine.faces)
     if len(faces) != face_count or len(set(faces)) != face_count:
         raise MapConnError("faces repeat, or are not as many as announced; the stream is damaged")

@@ -56,6 +56,10 @@ class Stream:
         state = own[-1] if own else finer[0]
         return dict(list(self.payloads.items())[: state.packet_count])
 
+    def vertices_of(self, level: int) -> int:
+        """Number of vertices of a level that has a state."""
+        return next(state.vertices for state in self.states if state.level == level)
+
     def faces_of(self, level: int) -> int:
         """Number of faces of a level that has a state."""
         return next(state.faces for state in self.states if state.level == level)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from meshtide_codec.errors import PacketError
 from meshtide_codec.reference.diff_contexts import contexts_for, neuron_for
 from meshtide_codec.reference.diff_prediction import Prediction
 from meshtide_codec.reference.diff_rows import NEW_ERROR, Neighbourhood, Row, rows_of, set_laplacians
 from meshtide_codec.reference.mirror import REACH, CellTable, nearest_image
 from meshtide_codec.reference.octree import NOBODY, RING_LIMIT
-from meshtide_codec.reference.range_decoder import RangeDecoder
 from meshtide_codec.reference.trained_states import geometry_neurons
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.mirror import Mirror
     from meshtide_codec.reference.mixing import Neurons
     from meshtide_codec.reference.octree import Cell, Level
+    from meshtide_codec.reference.range_decoder import RangeDecoder
 
 RATE = 17
 LIMIT = 100
@@ -63,29 +62,22 @@ class SliceDecoder:
             return range(begin, len(level))
         return range(begin, sum(code < self._slices[self._index + 1] for code in codes))
 
-    def decode(self, payload: bytes, level: Level) -> None:
-        """Take the bit plane of `level`, whose depth must be the next one.
-
-        Raises:
-            PacketError: the payload is too long.
-        """
+    def decode(self, decoder: RangeDecoder, level: Level) -> None:
+        """Take the bit plane of `level`, whose depth must be the next one."""
         vertices = self.vertices(level)
         leaves = [vertex for vertex in vertices if level.leaves[vertex]]
         owners = [vertex for vertex in leaves if level.cell_depths[vertex] < level.depth]
-        if payload and not owners:
-            raise PacketError(f"nothing is left to tell at depth {level.depth}; the stream is damaged")
         rows = rows_of(level, owners, self.cells, self._errors)
         known_cells = dict(zip(owners, self.cells, strict=True))
         images = _Images(self._mirror, level, rows)
         images.carry_over(owners, self._partners, self._outcomes)
         images.find_partners(leaves, known_cells)
-        plane = _BitPlane(RangeDecoder(payload), level, rows, images)
+        plane = _BitPlane(decoder, level, rows, images)
         set_laplacians(level, rows, vertices)
         for vertex in owners:
             moves = plane.decode(vertex, self._neurons)
             x, y, z = (2 * known + (move > 0.0) for known, move in zip(known_cells[vertex], moves, strict=True))
             known_cells[vertex] = (x, y, z)
-        plane.decoder.finish()
         places = {leaf: place for place, leaf in enumerate(leaves)}
         self.depth = level.depth
         self.cells = [known_cells.get(leaf, level.cells[leaf]) for leaf in leaves]

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.reference.map_surroundings import Surroundings, bit_count
 from meshtide_codec.reference.octree import Cell, Level
-from meshtide_codec.reference.range_decoder import RangeDecoder
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.mirror import Images
     from meshtide_codec.reference.mixing import Neurons
+    from meshtide_codec.reference.range_decoder import RangeDecoder
 
 RATE = 16
 LIMIT = 60
@@ -33,25 +33,20 @@ LEAF_NEURONS = 8 * 4 * 3
 """The first neuron of the leaf flags."""
 
 
-def decode_map(payload: bytes, coarse: Level, bits: int, neurons: Neurons, images: Images | None) -> Level:
+def decode_map(decoder: RangeDecoder, coarse: Level, bits: int, neurons: Neurons, images: Images | None) -> Level:
     """The next depth's level, without faces.
 
     Args:
-        payload: the Map.
+        decoder: where the Map begins.
         coarse: the level before, with faces.
         bits: depth of the finest level.
         neurons: the states after the Map before; they learn.
         images: where the mirror plane takes the halves of the cells, if there is one.
-
-    Raises:
-        PacketError: the payload is too long.
     """
-    decoder = RangeDecoder(payload)
     coder = _MapDecoder(decoder, coarse, neurons, images, last_depth=coarse.depth + 1 == bits)
     for vertex in range(len(coarse)):
         if not coarse.leaves[vertex]:
             coder.split(vertex)
-    decoder.finish()
     return _children(coarse, coder.occupied, coder.leaf)
 
 

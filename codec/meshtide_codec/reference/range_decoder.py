@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from meshtide_codec.errors import PacketError
+
+if TYPE_CHECKING:
+    from typing import Self
 
 SMALLEST_PROBABILITY = 48
 LARGEST_PROBABILITY = 65488
@@ -11,6 +16,8 @@ EVEN = 1 << 15
 
 class RangeDecoder:
     """Reads decisions from `payload`; bytes past its end count as zero.
+
+    In a with statement the whole payload must have been consumed at its end.
 
     >>> RangeDecoder(bytes([77])).raw_bits(8)
     178
@@ -21,6 +28,13 @@ class RangeDecoder:
         self._position = 4
         self._range = 0xFFFFFFFF
         self._code = int.from_bytes(payload[:4].ljust(4, b"\0"), "big")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: object, traceback: object) -> None:
+        if kind is None:
+            self.finish()
 
     def bit(self, probability: int) -> int:
         """A decision whose chance to be a one is `probability` / 65536."""

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 from meshtide_codec.reference.connectivity import decode_faces
 from meshtide_codec.reference.container import split_parts
 from meshtide_codec.reference.map_decoding import decode_map
+from meshtide_codec.reference.models import SIGNED_CONTEXTS, Contexts
 from meshtide_codec.reference.numbers import read_number
 from meshtide_codec.reference.octree import Level, deepened, root
+from meshtide_codec.reference.range_decoder import RangeDecoder
 from meshtide_codec.reference.trained_states import geometry_neurons
 
 if TYPE_CHECKING:
@@ -25,6 +27,24 @@ class ReliableDecoder:
 
     def base(self, payload: bytes, base_depth: int, vertices: int) -> list[Level]:
         """The levels of the depths 0 to `base_depth`."""
+        with RangeDecoder(payload) as decoder:
+            return self.base_from(decoder, base_depth, vertices)
+
+    def base_from(self, decoder: RangeDecoder, base_depth: int, vertices: int) -> list[Level]:
+        """The same where a payload goes on after it."""
+        levels = [root(vertices)]
+        counts = Contexts.fresh(SIGNED_CONTEXTS)
+        while levels[-1].depth < base_depth:
+            if vertices == 1:
+                levels.append(deepened(levels[-1]))
+                continue
+            fine = self._map(decoder, levels[-1])
+            face_count = 2 * len(fine) + counts.signed(decoder, 0)
+            levels.append(_with_faces(fine, decoder, levels[-1], face_count))
+        return levels
+
+    def base_in_parts(self, payload: bytes, base_depth: int, vertices: int) -> list[Level]:
+        """The levels of the depths 0 to `base_depth`, before version 3."""
         levels = [root(vertices)]
         if vertices == 1:
             for _ in range(base_depth):
@@ -42,12 +62,26 @@ class ReliableDecoder:
 
     def map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
         """The level of the next depth."""
+        with RangeDecoder(payload) as decoder:
+            return _with_faces(self._map(decoder, coarse), decoder, coarse, face_count)
+
+    def map_conn_in_parts(self, payload: bytes, coarse: Level, face_count: int) -> Level:
+        """The level of the next depth, before version 3."""
         map_part, face_part = split_parts(payload, 2)
         return self._next(map_part, face_part, coarse, face_count)
 
     def _next(self, map_part: bytes, face_part: bytes, coarse: Level, face_count: int) -> Level:
+        with RangeDecoder(map_part) as decoder:
+            fine = self._map(decoder, coarse)
+        with RangeDecoder(face_part) as decoder:
+            return _with_faces(fine, decoder, coarse, face_count)
+
+    def _map(self, decoder: RangeDecoder, coarse: Level) -> Level:
         images = self._mirror.images(coarse) if self._mirror else None
-        fine = decode_map(map_part, coarse, self._bits, self._neurons, images)
-        centres = [fine.centre(vertex) for vertex in range(len(fine))]
-        fine.set_faces(decode_faces(face_part, fine.parents, coarse.faces, len(coarse), face_count, centres))
-        return fine
+        return decode_map(decoder, coarse, self._bits, self._neurons, images)
+
+
+def _with_faces(fine: Level, decoder: RangeDecoder, coarse: Level, face_count: int) -> Level:
+    centres = [fine.centre(vertex) for vertex in range(len(fine))]
+    fine.set_faces(decode_faces(decoder, fine.parents, coarse.faces, len(coarse), face_count, centres))
+    return fine
