@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from golden_streams import VARIANTS, bowl, tangle
+from golden_streams import GOLDEN_VARIANTS, VARIANTS, bowl, tangle
 from meshes import random_meshes, tetrahedron
 from meshtide_codec.compact import previews
 from meshtide_codec.compact.options import CompactOptions
@@ -20,6 +21,8 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.reference import reference_decode, reference_permutation
 from meshtide_codec.stream.container import read_container, write_container
 from meshtide_codec.stream.packets import PacketKind
+
+GOLDEN = Path(__file__).parent.parent / "golden"
 
 
 def assert_same_levels(data: bytes) -> None:
@@ -100,11 +103,11 @@ def test_an_unknown_profile_is_refused() -> None:
 
 
 def test_a_payload_that_goes_on_is_refused() -> None:
-    encoded = encode(tetrahedron(), CompactOptions(bits=4))
-    payloads = list(encoded.packet_bytes)
-    payloads[0] += bytes(5)
-    entry = replace(encoded.header.packets[0], length=len(payloads[0]), checksum=zlib.crc32(payloads[0]))
-    for version in (1, 2, 3):
-        header = replace(encoded.header, version=version, packets=(entry, *encoded.header.packets[1:]))
+    for version in GOLDEN_VARIANTS:
+        header, packets = read_container((GOLDEN / f"version-{version}" / "compact-scattered-1.tide").read_bytes())
+        payloads = [packet.payload for packet in packets]
+        payloads[0] += bytes(5)
+        entry = replace(header.packets[0], length=len(payloads[0]), checksum=zlib.crc32(payloads[0]))
+        longer = replace(header, packets=(entry, *header.packets[1:]))
         with pytest.raises(PacketError):
-            reference_decode(write_container(header, payloads))
+            reference_decode(write_container(longer, payloads))

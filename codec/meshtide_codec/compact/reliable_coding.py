@@ -50,6 +50,9 @@ class ReliableCoder:
         vertices: vertices of the finest level.
         mirror: the plane of symmetry, if one is used.
         in_parts: whether payloads that are read are made of parts, as before format version 3.
+
+    Attributes:
+        map_bytes: how much of the payloads that were read so far was Maps.
     """
 
     def __init__(self, bits: int, vertices: int, mirror: Mirror | None, *, in_parts: bool = False) -> None:
@@ -57,6 +60,7 @@ class ReliableCoder:
         self._vertices = vertices
         self._mirror = mirror
         self._in_parts = in_parts
+        self.map_bytes = 0
         self._models: Models = new_map_models()
 
     def encode_base(self, octree: Octree, base_depth: int) -> bytes:
@@ -105,7 +109,7 @@ class ReliableCoder:
                 raise BaseError("the coarsest level lies deeper than the last Map; the stream is damaged")
             if coarse.all_leaves:
                 return [*levels, *_deepened(coarse, base_depth)]
-            fine = read_map(reader, coarse, self._bits, self._models, self._vertices, self._mirror)
+            fine = self._read_map(reader, coarse)
             face_count = 2 * fine.vertex_count + int(code_signed(reader.coder, reader.buffer, counts, 0, 0))
             if face_count < 0:
                 raise BaseError(f"{face_count} faces at depth {depth}; the stream is damaged", offset=reader.offset)
@@ -133,10 +137,16 @@ class ReliableCoder:
                 raise MapConnError(f"{error}; the stream is damaged", offset=0) from error
             return self._decode_parts(map_payload, face_payload, coarse, face_count)
         reader = PayloadReader(payload)
-        fine = read_map(reader, coarse, self._bits, self._models, self._vertices, self._mirror)
+        fine = self._read_map(reader, coarse)
         fine = _read_faces(reader, coarse, fine, face_count)
         if not reader.finished:
             raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
+        return fine
+
+    def _read_map(self, reader: PayloadReader, coarse: Level) -> Level:
+        before = reader.offset
+        fine = read_map(reader, coarse, self._bits, self._models, self._vertices, self._mirror)
+        self.map_bytes += reader.offset - before
         return fine
 
     def _decode_base_in_parts(self, payload: bytes, base_depth: int, limits: Limits) -> list[Level]:
@@ -163,6 +173,7 @@ class ReliableCoder:
         return levels
 
     def _decode_parts(self, map_payload: bytes, face_payload: bytes, coarse: Level, face_count: int) -> Level:
+        self.map_bytes += len(map_payload)
         fine = decode_map(map_payload, coarse, self._bits, self._models, self._vertices, self._mirror)
         return fine.with_faces(
             decode_faces(face_payload, fine.parents, _faces(coarse), coarse.vertex_count, face_count, fine.centres)

@@ -1,7 +1,8 @@
 """What the bytes of a stream are spent on: previews, Maps, faces, filters, Diffs, and what frames them.
 
-A Base or Map&Conn packet holds a Map and faces as parts of one payload (`compact.reliable_coding`,
-`classic.level_coding`), which are told apart here by the lengths in front of them; nothing is decoded.
+A Base or Map&Conn packet holds a Map and faces. In a classic stream they are parts of a payload, told apart by the
+length in front of them (`classic.level_coding`). In a compact stream they are range-coded in one go
+(`compact.reliable_coding`), so they are decoded, and counted to the byte in which one goes over into the other.
 """
 
 from __future__ import annotations
@@ -10,13 +11,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from meshtide_codec.classic import options as classic_options
+from meshtide_codec.compact.options import PLACES_BY_PACKETS, CompactHeader
+from meshtide_codec.compact.reliable_coding import ReliableCoder
+from meshtide_codec.limits import Limits
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 from meshtide_codec.stream.packets import PacketKind
-from meshtide_codec.stream.parts import read_number, split_parts
+from meshtide_codec.stream.parts import split_parts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from meshtide_codec.compact.level import Level
     from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.stream.packets import Packet
 
@@ -46,7 +51,7 @@ class LayerBytes:
     Args:
         level: the level, None for the header.
         layer: one of `LAYERS`.
-        size: bytes; lengths between parts count to the part that they precede.
+        size: bytes; lengths in front of parts count to the first of them.
     """
 
     level: int | None
@@ -62,8 +67,10 @@ def layer_bytes(header: StreamHeader, packets: Iterable[Packet]) -> list[LayerBy
         packets: all of them, as the encoder made them.
     """
     rows = [LayerBytes(None, HEADER, PREAMBLE_BYTES + len(header.to_bytes()))]
+    split = _classic_parts if header.profile == classic_options.PROFILE else _CompactParts(header)
     for packet in packets:
-        rows += [LayerBytes(packet.level, layer, size) for layer, size in _of_packet(packet, header).items() if size]
+        sizes = {_WHOLE[packet.kind]: len(packet.payload)} if packet.kind in _WHOLE else split(packet)
+        rows += [LayerBytes(packet.level, layer, size) for layer, size in sizes.items() if size]
     return rows
 
 
@@ -73,27 +80,28 @@ def totals(rows: Sequence[LayerBytes]) -> dict[str, int]:
     return {layer: size for layer, size in sums.items() if size}
 
 
-def _of_packet(packet: Packet, header: StreamHeader) -> dict[str, int]:
-    classic = header.profile == classic_options.PROFILE
-    if packet.kind is PacketKind.MAP_CONN:
-        return _map_and_faces(packet.payload, MAP)
-    if packet.kind is PacketKind.BASE:
-        return _map_and_faces(packet.payload, CELLS) if classic else _base(packet, header)
-    return {_WHOLE[packet.kind]: len(packet.payload)}
+def _classic_parts(packet: Packet) -> dict[str, int]:
+    faces = len(split_parts(packet.payload, 2)[1])
+    return {CELLS if packet.kind is PacketKind.BASE else MAP: len(packet.payload) - faces, CONN: faces}
 
 
-def _map_and_faces(payload: bytes, first: str) -> dict[str, int]:
-    faces = len(split_parts(payload, 2)[1])
-    return {first: len(payload) - faces, CONN: faces}
+class _CompactParts:
+    """Maps and faces of the Base and Map&Conn packets of a compact stream, which come one after the other."""
 
+    def __init__(self, header: StreamHeader) -> None:
+        self._header = header
+        options = CompactHeader.from_header(header)
+        in_parts = header.version < PLACES_BY_PACKETS
+        self._coder = ReliableCoder(header.bits, header.vertices, options.mirror, in_parts=in_parts)
+        self._coarse: Level | None = None
 
-def _base(packet: Packet, header: StreamHeader) -> dict[str, int]:
-    """A compact Base: face counts, then Map and faces of each depth down to that of the coarsest level."""
-    if not packet.payload:
-        return {}
-    depths = header.bits - packet.level
-    position = 0
-    for _ in range(depths):
-        _, position = read_number(packet.payload, position)
-    faces = sum(map(len, split_parts(packet.payload[position:], 2 * depths)[1::2]))
-    return {MAP: len(packet.payload) - faces, CONN: faces}
+    def __call__(self, packet: Packet) -> dict[str, int]:
+        before = self._coder.map_bytes
+        depth = self._header.bits - packet.level
+        if self._coarse is None:
+            self._coarse = self._coder.decode_base(packet.payload, depth, Limits())[-1]
+        else:
+            faces = self._header.entry(packet.level).faces
+            self._coarse = self._coder.decode_map_conn(packet.payload, self._coarse, faces)
+        maps = self._coder.map_bytes - before
+        return {MAP: maps, CONN: len(packet.payload) - maps}
