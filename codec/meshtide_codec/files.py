@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from meshtide_codec.errors import MeshError, MeshFileError
+from meshtide_codec.file_checks import check_rows
 from meshtide_codec.mesh import Mesh
 
 MESH_SUFFIXES = frozenset({".ply", ".obj", ".off", ".stl", ".glb", ".gltf"})
@@ -42,7 +43,7 @@ def load_mesh(path: Path | str, *, keep_unreferenced: bool = False) -> Mesh:
         keep_unreferenced: whether vertices that no face uses stay (they cannot be seen, but cost bytes).
 
     Raises:
-        MeshFileError: the file is not a mesh, or of a format that cannot be read.
+        MeshFileError: the file is not a mesh, holds less than it declares, or is of a format that cannot be read.
         MeshError: it holds a mesh that is not usable.
         OSError: the file cannot be opened.
     """
@@ -51,6 +52,10 @@ def load_mesh(path: Path | str, *, keep_unreferenced: bool = False) -> Mesh:
     path = Path(path)
     with path.open("rb"):  # missing or forbidden files are told by their own errors
         pass
+    try:
+        check_rows(path)
+    except MeshFileError as error:
+        raise MeshFileError(f"{path} cannot be read as a mesh: {error}") from error
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its warnings come back below as one error
     try:
         loaded: Any = trimesh.load(path, process=False, maintain_order=True)

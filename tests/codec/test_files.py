@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import os
 from typing import TYPE_CHECKING
 
@@ -79,6 +80,59 @@ def test_files_that_are_not_meshes(tmp_path: Path, name: str, content: bytes, er
     path.write_bytes(content)
     with pytest.raises(error, match=name):
         load_mesh(path)
+
+
+HEADER = (
+    "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face {}\nproperty list uchar int vertex_indices\nend_header\n"
+)
+ROWS = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.ply", HEADER.format(4, 1) + ROWS, "ends after 0 of the 1 rows of face"),
+        ("a.ply", HEADER.format(3, 2) + ROWS, "ends after 1 of the 2 rows of face"),
+        ("a.ply", HEADER.format(3, 1) + ROWS.replace("\n1", " 1", 1), "ends after 0 of the 1 rows of face"),
+        ("a.ply", HEADER.format(3, 1) + ROWS.replace("3 0 1 2", "3 0 1"), "row 0 of face has fewer values"),
+        ("a.ply", HEADER.format(900, 1).replace("ascii", "binary_little_endian"), "10801 bytes of rows, but 0 follow"),
+        ("a.off", "OFF\n4 1 0\n" + ROWS, "4 vertices and 1 faces, but 4 lines follow"),
+        ("a.off", "OFF\n3 2 0\n" + ROWS, "3 vertices and 2 faces, but 4 lines follow"),
+        ("a.off", "OFF\n3 1 0\n" + ROWS.replace("3 0 1 2", "3 0 1"), "face 0 of the OFF file has fewer corners"),
+    ],
+)
+def test_files_that_declare_more_than_they_hold_are_not_misread(
+    tmp_path: Path, name: str, content: str, message: str
+) -> None:
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(MeshFileError, match=f"{path} .*: .*{message}"):
+        load_mesh(path)
+
+
+def test_files_that_hold_what_they_declare_are_read(tmp_path: Path) -> None:
+    for name, content in (("a.ply", HEADER.format(3, 1) + ROWS), ("a.off", "OFF\n3 1 0\n" + ROWS)):
+        (tmp_path / name).write_text(content)
+        assert load_mesh(tmp_path / name).faces.tolist() == [[0, 1, 2]]
+
+
+def test_a_file_of_many_reads_no_files_elsewhere(tmp_path: Path) -> None:
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    save_mesh(tetrahedron(), folder / "a.glb")
+    data = (folder / "a.glb").read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    text, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    for uri, place in (("beside.bin", folder), ("../elsewhere.bin", tmp_path)):
+        (place / uri.rsplit("/", 1)[-1]).write_bytes(binary)
+        text["buffers"][0]["uri"] = uri
+        (folder / "a.gltf").write_text(json.dumps(text))
+        if place == folder:
+            assert len(load_mesh(folder / "a.gltf").faces) == 4
+        else:
+            with pytest.raises(MeshFileError, match="cannot be read"):
+                load_mesh(folder / "a.gltf")
 
 
 def test_missing_files_are_told_as_such(tmp_path: Path) -> None:

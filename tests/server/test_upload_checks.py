@@ -13,10 +13,10 @@ import pytest
 
 from meshes import grid, tetrahedron
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.file_checks.text_lines import LONGEST_LINE
 from meshtide_codec.files import load_mesh, save_mesh
 from meshtide_server.upload_checks import UploadLimits, check_upload
 from meshtide_server.upload_checks.glb import LARGEST_JSON
-from meshtide_server.upload_checks.text_lines import LONGEST_LINE
 
 LIMITS = UploadLimits(vertices=1000, faces=2000)
 XYZ = "property float x\nproperty float y\nproperty float z\n"
@@ -75,7 +75,7 @@ HOSTILE: dict[str, tuple[str, bytes, str]] = {
     "binary rows missing": ("a.ply", ply(900, 3, bytes(100)), "at least 10803 bytes of rows, but 100 follow"),
     "text rows missing": ("a.ply", ply(900, 1, TRIANGLE_ROWS, "ascii"), "ends after 4 of the 900 rows of vertex"),
     "text faces missing": ("a.ply", ply(4, 1, TRIANGLE_ROWS, "ascii"), "ends after 0 of the 1 rows of face"),
-    "text values missing": ("a.ply", ply(1, 0, b"1 2\n", "ascii"), "row 0 of vertex has fewer than 3"),
+    "text values missing": ("a.ply", ply(1, 0, b"1 2\n", "ascii"), "row 0 of vertex has fewer values"),
     "no end of the header": ("a.ply", b"ply\nformat ascii 1.0\n" + b"comment\n" * 5000, "no end_header"),
     "no format": ("a.ply", b"ply\nend_header\n", "line 2 .* not understood"),
     "endless header line": ("a.ply", b"ply\ncomment " + b"x" * LONGEST_LINE, "a line is longer"),

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, BinaryIO
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_server.upload_checks.text_lines import filled_lines
+from meshtide_codec.file_checks.text_lines import filled_lines
 
 if TYPE_CHECKING:
     from meshtide_server.upload_checks.limits import UploadLimits

@@ -10,7 +10,7 @@ import struct
 from typing import TYPE_CHECKING, BinaryIO
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_server.upload_checks.text_lines import lines
+from meshtide_codec.file_checks.text_lines import lines
 
 if TYPE_CHECKING:
     from meshtide_server.upload_checks.limits import UploadLimits

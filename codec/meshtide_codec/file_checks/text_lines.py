@@ -11,7 +11,6 @@ if TYPE_CHECKING:
 
 LONGEST_LINE = 1 << 20
 """Bytes of one line; a polygon of a hundred thousand corners fits."""
-CHUNK = 1 << 20
 
 
 def lines(file: BinaryIO) -> Iterator[bytes]:
