@@ -5,10 +5,10 @@ from __future__ import annotations
 import typer
 
 from meshtide_codec.command_line import run
-from meshtide_server.commands import register
+from meshtide_server.commands import serve
 
 app = typer.Typer(add_completion=False)
-register(app)
+app.command()(serve)
 
 if __name__ == "__main__":
     run(app)

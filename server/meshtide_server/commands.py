@@ -1,4 +1,4 @@
-"""The command `serve`."""
+"""The commands `serve` and `copy-store`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 def register(app: typer.Typer) -> None:
     """Add this package's commands to `app`."""
     app.command()(serve)
+    app.command()(copy_store)
 
 
 def serve(
@@ -143,6 +144,41 @@ def serve(
         raise typer.BadParameter(explanation(error)) from None
     set_up_log(settings.log_level, settings.log_format)
     run(settings, announce=announce, ready_file=ready_file)
+
+
+def copy_store(
+    source: Annotated[str, typer.Argument(help="Store to read: a folder, or s3://bucket/folder.")],
+    target: Annotated[str, typer.Argument(help="Store to fill; what it has already is left alone.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
+) -> None:
+    """Copy the streams of a store into another one: for a backup, to get one back, or to move.
+
+    Copy the catalogue first (pg_dump, or sqlite3's .backup): its streams are then in the store. Interrupted, the same
+    command goes on where it was. Nothing is deleted in the target.
+
+    Example: meshtide copy-store s3://meshes /backup/store
+    """
+    import asyncio
+    import json
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from meshtide_codec.errors import OptionError
+    from meshtide_server.store import open_store
+    from meshtide_server.store.copying import Copied, copy_store
+
+    def told(copied: Copied) -> str:
+        gone = f", {copied.gone} were deleted meanwhile" if copied.gone else ""
+        return f"{copied.objects} objects with {copied.bytes} bytes copied, {copied.kept} were there{gone}"
+
+    if not source.startswith("s3://") and not Path(source.removeprefix("file:")).is_dir():
+        raise OptionError(f"there is no folder {source}")
+    with Console(stderr=True).status(f"reading {source}") as shown:
+        copied = asyncio.run(
+            copy_store(open_store(source), open_store(target), lambda so_far: shown.update(told(so_far)))
+        )
+    typer.echo(json.dumps(asdict(copied)) if as_json else told(copied))
 
 
 def explanation(error: ValidationError) -> str:

@@ -15,6 +15,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from meshtide_codec.errors import OptionError
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_server.logs import LogFormat  # noqa: TC001 - pydantic reads the annotations
@@ -27,6 +28,7 @@ MOST_PROCESSES = 8
 """Encoder processes that a server starts without being told how many; each may take the memory of a large mesh."""
 SMALLEST_RATE = 16 * 1024
 """Bytes a second: the largest message takes 16 s at this rate."""
+LONGEST_ADDRESS = 4096
 _NAME = re.compile(r"[A-Za-z0-9-]+")
 MetricsAccess = Literal["read", "open", "off"]
 
@@ -67,6 +69,10 @@ class Settings(BaseSettings):
         default=None,
         description="The catalogue of published meshes: sqlite:///file.db, or postgresql://user:password@host/name "
         "(extra postgres). It may hold a password, so it is no option of the command.",
+    )
+    database_file: Path | None = Field(
+        default=None,
+        description="File that holds the address of the database instead, as containers are given secrets.",
     )
     catalogue_seconds: float = Field(
         default=2.0,
@@ -238,7 +244,10 @@ class Settings(BaseSettings):
 
     @model_validator(mode="after")
     def _check_anything_to_host(self) -> Self:
-        if self.data is None and (self.store is None) != (self.database is None):
+        if self.database is not None and self.database_file is not None:
+            raise ValueError("database and database_file are the same thing; give one of them")
+        has_database = self.database is not None or self.database_file is not None
+        if self.data is None and (self.store is None) != (not has_database):
             raise ValueError("store and database belong together: give both, or --data for a folder that holds them")
         if self.directory is None and not self.samples and not self.keeps_meshes:
             raise ValueError(
@@ -267,6 +276,8 @@ class Settings(BaseSettings):
         """Where the catalogue is; it may hold a password."""
         if self.database is not None:
             return self.database.get_secret_value()
+        if self.database_file is not None:
+            return _first_line(self.database_file)
         return f"sqlite:///{self._data_folder / 'catalogue.db'}"
 
     @property
@@ -274,6 +285,18 @@ class Settings(BaseSettings):
         if self.data is None:
             raise ValueError("there is no place to keep meshes; set data, or store and database")
         return self.data.resolve()
+
+
+def _first_line(path: Path) -> str:
+    try:
+        with path.open(encoding="utf-8") as file:
+            line = file.readline(LONGEST_ADDRESS).strip()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise OptionError(f"the address of the database in {path} cannot be read: {reason}") from error
+    if not line:
+        raise OptionError(f"{path} should hold the address of the database, postgresql://...; its first line is empty")
+    return line
 
 
 def _processors() -> int:

@@ -8,15 +8,23 @@ import typer
 from typer.testing import CliRunner
 
 from meshtide_server import logs, serving
-from meshtide_server.commands import register
+from meshtide_server.commands import register, serve
 from meshtide_server.settings import Settings
 
 
 @pytest.fixture
 def app() -> typer.Typer:
     made = typer.Typer()
-    register(made)
+    made.command()(serve)
     return made
+
+
+def test_both_commands_are_registered() -> None:
+    made = typer.Typer()
+    register(made)
+    output = plain(CliRunner().invoke(made, ["--help"], env={"COLUMNS": "200"}).output)
+    assert "serve" in output
+    assert "copy-store" in output
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from meshtide_codec.errors import OptionError
 from meshtide_server.settings import Settings
 
 
@@ -72,3 +73,19 @@ def test_the_data_folder_holds_store_and_catalogue_unless_they_are_elsewhere(tmp
 def test_a_store_without_a_catalogue_is_refused(given: dict[str, str]) -> None:
     with pytest.raises(ValidationError, match="store and database belong together"):
         Settings.model_validate({"samples": True, **given})
+
+
+def test_the_address_of_the_database_may_stand_in_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "database"
+    file.write_text("postgresql://me:secret@host/meshes\n")
+    shared = Settings.model_validate({"store": "s3://meshes/a", "database_file": file})
+    assert shared.database_url == "postgresql://me:secret@host/meshes"
+    assert "secret" not in repr(shared)
+    with pytest.raises(ValidationError, match="are the same thing"):
+        Settings.model_validate({"store": "a", "database_file": file, "database": "sqlite:///a.db"})
+    for content, words in ((b"\n", "its first line is empty"), (b"\xff\xfe", "it is no text"), (None, "No such file")):
+        file.unlink(missing_ok=True)
+        if content is not None:
+            file.write_bytes(content)
+        with pytest.raises(OptionError, match=words):
+            assert shared.database_url

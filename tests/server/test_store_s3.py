@@ -3,11 +3,13 @@
 import asyncio
 import secrets
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from meshtide_codec.errors import OptionError
 from meshtide_server.store import StoreError
-from meshtide_server.store.s3 import S3Store
+from meshtide_server.store.s3 import S3Store, _credentials
 from s3_server import BUCKET, free_port, running_s3_server
 
 from .store_conformance import StoreConformance
@@ -37,3 +39,32 @@ async def test_a_server_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatc
         with pytest.raises(StoreError, match="object 'a' in s3://meshes") as caught:
             await S3Store("meshes").get("a")
     assert "secret-word" not in str(caught.value)
+
+
+CREDENTIALS = """
+[default]
+aws_access_key_id = first
+aws_secret_access_key = secret%word
+
+[backup]
+aws_access_key_id = second
+aws_secret_access_key = other
+aws_session_token = passing
+"""
+
+
+def test_credentials_may_stand_in_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "credentials"
+    file.write_text(CREDENTIALS)
+    named = {"AWS_SHARED_CREDENTIALS_FILE": str(file)}
+    assert _credentials(named) == {"access_key_id": "first", "secret_access_key": "secret%word"}
+    assert list(_credentials({**named, "AWS_PROFILE": "backup"}).values()) == ["second", "other", "passing"]
+    assert _credentials({}) == _credentials({**named, "AWS_ACCESS_KEY_ID": "own"}) == {}
+    for content in ("[default]\naws_access_key_id = secret\n", "secret", "[other]\n", "\xff"):
+        file.write_bytes(content.encode("latin-1"))
+        with pytest.raises(OptionError, match=r"holds no \[default\] with aws_access_key_id") as caught:
+            S3Store("meshes", environment=named)
+        assert "secret\n" not in str(caught.value)
+    file.unlink()
+    with pytest.raises(OptionError, match="cannot be read: No such file"):
+        S3Store("meshes", environment=named)

@@ -1,16 +1,19 @@
 """A store in a bucket of Amazon S3 or of any server that speaks its protocol, through obstore (extra `s3`).
 
 Credentials and addresses come from the environment, as with every program that uses S3: AWS_ACCESS_KEY_ID,
-AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, AWS_REGION, AWS_ENDPOINT_URL; on Amazon's machines, from the machine's role.
+AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, AWS_REGION, AWS_ENDPOINT_URL; from the file that AWS_SHARED_CREDENTIALS_FILE
+names, profile AWS_PROFILE or default; on Amazon's machines, from the machine's role.
 Large objects are put in parts (multipart upload), which S3 shows only once all of them are there; a bucket should have
 a rule that deletes the parts of uploads that were never completed.
 """
 
 from __future__ import annotations
 
+import configparser
 import os
 from contextlib import contextmanager
 from datetime import timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.errors import OptionError
@@ -45,12 +48,16 @@ class S3Store:
         bucket: its name.
         prefix: folder within it, "" for the bucket itself.
         environment: where credentials and address come from.
+
+    Raises:
+        OptionError: the file of credentials cannot be read, or does not hold them.
     """
 
     def __init__(self, bucket: str, prefix: str = "", environment: Mapping[str, str] = os.environ) -> None:
         self._name = f"s3://{bucket}/{prefix}".rstrip("/")
         endpoint = environment.get("AWS_ENDPOINT_URL_S3") or environment.get("AWS_ENDPOINT_URL") or ""
         options: dict[str, Any] = {"endpoint": endpoint} if endpoint else {}
+        options |= _credentials(environment)
         with self._translated():
             self._bucket = Bucket(
                 bucket,
@@ -175,6 +182,29 @@ async def _first_part(data: AsyncIterator[bytes]) -> tuple[bytes, AsyncIterator[
         if len(first) >= PART_BYTES:
             return bytes(first), data
     return bytes(first), None
+
+
+def _credentials(environment: Mapping[str, str]) -> dict[str, str]:
+    """Those of the file of credentials, if one is named and the environment itself holds none."""
+    name = environment.get("AWS_SHARED_CREDENTIALS_FILE", "")
+    if not name or environment.get("AWS_ACCESS_KEY_ID"):
+        return {}
+    parser = configparser.ConfigParser(interpolation=None)
+    profile = environment.get("AWS_PROFILE") or "default"
+    try:
+        with Path(name).open(encoding="utf-8") as file:
+            parser.read_file(file)
+        section = parser[profile]
+        found = {
+            "access_key_id": section["aws_access_key_id"],
+            "secret_access_key": section["aws_secret_access_key"],
+        }
+        return found | ({"token": section["aws_session_token"]} if "aws_session_token" in section else {})
+    except OSError as error:
+        raise OptionError(f"the credentials in {name} cannot be read: {error.strerror or error}") from error
+    except (configparser.Error, KeyError, UnicodeDecodeError):  # whose messages may repeat a line of it
+        message = f"{name} holds no [{profile}] with aws_access_key_id and aws_secret_access_key"
+        raise OptionError(message) from None
 
 
 def _etag(quoted: str | None) -> str:
