@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from meshtide_codec.compact.diff_coder import known_positions
 from meshtide_codec.compact.difference_coding import DifferenceCoder
 from meshtide_codec.compact.display_filter import drawn_positions
+from meshtide_codec.compact.effort import DeepLayers
 from meshtide_codec.compact.level import root_level
 from meshtide_codec.compact.options import PLACES_BY_PACKETS, CompactHeader
 from meshtide_codec.compact.perturbation import SliceShifts, shifted_positions
@@ -58,7 +59,8 @@ class CompactDecoder:
         self._previews: dict[int, GridPreview] = {}
         slices = self._options.slices
         root = root_level(header.vertices)
-        self._coders = [DifferenceCoder(root, slices, i, self._options.mirror) for i in range(len(slices))]
+        deep = DeepLayers.DIFFS in self._options.deep
+        self._coders = [DifferenceCoder(root, slices, i, self._options.mirror, deep=deep) for i in range(len(slices))]
         self._diffs: list[dict[int, bytes]] = [{} for _ in self._coders]
         self._shifts = [] if perturb is None else [SliceShifts(self._bits, i, perturb) for i in range(len(slices))]
         self._taken: set[tuple[PacketKind, int, int]] = set()

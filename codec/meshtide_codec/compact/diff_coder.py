@@ -4,7 +4,7 @@ The Diffs of a slice are bit planes: each builds on the slice's earlier ones and
 else. A neighbour in another slice is known by its leaf cell's centre only, whatever has arrived of it. When a Diff is
 missing, the vertices stay at the centre of what is known, and the slice's later Diffs cannot be decoded until it
 arrives; all other packets can. Model states are carried along from Diff to Diff of a slice. The format of the payload
-is `diff_kernels.code_diff` over the range coder.
+is `diff_kernels.code_diff` over the range coder, or `diff_high_kernels.code_diff_high` where Diffs are coded deeply.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.compact import diff_kernels
+from meshtide_codec.compact import diff_high_kernels, diff_kernels
 from meshtide_codec.compact import diff_prediction_kernels as prediction
 from meshtide_codec.compact.diff_row_kernels import fill_rows
 from meshtide_codec.compact.mirror_kernels import find_partners
-from meshtide_codec.compact.models import new_diff_models
+from meshtide_codec.compact.models import DeepModels, new_deep_diff_models, new_diff_models
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import DiffError
 
@@ -55,10 +55,17 @@ class SliceState:
     errors: NDArray[np.float64]
     partners: NDArray[np.int32]
     outcomes: NDArray[np.uint8]
-    models: Models
+    models: Models | DeepModels
 
 
-def new_slice_state(root: Level, slices: Slices, slice_index: int, models: Models | None = None) -> SliceState:
+def new_slice_state(
+    root: Level,
+    slices: Slices,
+    slice_index: int,
+    models: Models | DeepModels | None = None,
+    *,
+    deep: bool = False,
+) -> SliceState:
     """The state of a slice before its first Diff.
 
     Args:
@@ -66,7 +73,10 @@ def new_slice_state(root: Level, slices: Slices, slice_index: int, models: Model
         slices: the stream's slices.
         slice_index: which of them.
         models: other states than the trained ones, for training.
+        deep: whether the Diffs are coded deeply.
     """
+    if models is None:
+        models = new_deep_diff_models() if deep else new_diff_models()
     vertices = slices.vertices(root, slice_index)
     count = int(root.leaves[vertices.start : vertices.stop].sum())
     return SliceState(
@@ -76,7 +86,7 @@ def new_slice_state(root: Level, slices: Slices, slice_index: int, models: Model
         errors=np.full(count, diff_kernels.NEW_ERROR),
         partners=np.full(count, -1, np.int32),
         outcomes=np.zeros(count, np.uint8),
-        models=new_diff_models() if models is None else models,
+        models=models,
     )
 
 
@@ -247,7 +257,25 @@ class _BitPlane:
         if self.mirror is not None:
             axis, plane = self.mirror.axis, self.mirror.plane(level.depth)
             self._find_partners(rows, outcomes, partners, axis, plane)
-        if len(self.owners):
+        if isinstance(models, DeepModels):
+            diff_high_kernels.code_diff_high(
+                coder,
+                buffer,
+                models.mixer,
+                rows,
+                self.owners,
+                (level.depth - level.cell_depths[self.owners]).astype(np.int64),
+                targets,
+                level.rings,
+                level.across,
+                self.vertices.start,
+                self.vertices.stop,
+                axis,
+                plane,
+                partners,
+                outcomes,
+            )
+        elif len(self.owners):
             diff_kernels.code_diff(
                 coder,
                 buffer,
@@ -297,7 +325,7 @@ class _BitPlane:
         targets: NDArray[np.int32],
         outcomes: NDArray[np.uint8],
         partners: NDArray[np.int32],
-        models: Models,
+        models: Models | DeepModels,
     ) -> SliceState:
         """The state after this Diff: its vertices, and the leaves that arose at this depth."""
         level = self.level

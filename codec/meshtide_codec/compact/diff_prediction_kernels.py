@@ -61,7 +61,7 @@ SMOOTHED_MEAN, SMOOTHED_SPREAD, SMOOTHED_OWN = 0.3, 0.15, 0.35
 MEAN_SPREAD = 0.7
 _TRUST_SLACK = 0.3
 _TRUST_DRIFT = 0.025
-_FAR = 1e9
+FAR = 1e9  # distance of no guess at all
 
 
 @inlined_kernel
@@ -256,7 +256,7 @@ def conclude(
 def guess_in_ring(count: int, closed: bool, offsets: Rows, predictions: Predictions, classes: Classes) -> None:
     """Set RING: parallelograms of three consecutive ring members, whose fourth corner is the vertex."""
     sum_x = sum_y = sum_z = total = 0.0
-    best = _FAR
+    best = FAR
     first, last = (0, count) if closed else (1, count - 1)
     before = count - 1 if closed else 0
     for place in range(first, last):
@@ -280,7 +280,7 @@ def guess_in_ring(count: int, closed: bool, offsets: Rows, predictions: Predicti
 def guess_midpoints(count: int, closed: bool, offsets: Rows, predictions: Predictions, classes: Classes) -> None:
     """Set MIDPOINT: midpoints of opposite ring members."""
     sum_x = sum_y = sum_z = total = 0.0
-    best = _FAR
+    best = FAR
     half = count >> 1
     for place in range(count if closed and count & 1 else half):
         other = place + half if closed else count - 1 - place
@@ -314,7 +314,7 @@ def guess_across(
     row = np.uintp(vertex)
     own_x, own_y, own_z = rows[row, 0], rows[row, 1], rows[row, 2]
     sum_x = sum_y = sum_z = total = 0.0
-    best = _FAR
+    best = FAR
     for place in range(count):
         opposite = across[np.uintp(begin + place)]
         if opposite < 0:

@@ -35,10 +35,11 @@ class DifferenceCoder:
         slices: the stream's slices.
         index: which of them.
         mirror: the plane of symmetry, if one is used.
+        deep: whether they are coded deeply.
     """
 
-    def __init__(self, root: Level, slices: Slices, index: int, mirror: Mirror | None) -> None:
-        self.state: SliceState = new_slice_state(root, slices, index)
+    def __init__(self, root: Level, slices: Slices, index: int, mirror: Mirror | None, *, deep: bool = False) -> None:
+        self.state: SliceState = new_slice_state(root, slices, index, deep=deep)
         self._slices = slices
         self._index = index
         self._mirror = mirror

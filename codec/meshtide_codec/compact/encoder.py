@@ -14,6 +14,7 @@ import numpy as np
 from meshtide_codec.compact.diff_coder import has_diff
 from meshtide_codec.compact.difference_coding import DifferenceCoder, packet_depths
 from meshtide_codec.compact.display_filter import choose_strength, drawn_positions
+from meshtide_codec.compact.effort import DeepLayers
 from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.compact.octree import build_octree
 from meshtide_codec.compact.options import PROFILE, CompactHeader, CompactOptions
@@ -76,8 +77,10 @@ class CompactEncoding:
         base_depth = self._base_depth(behind_preview=bool(previews))
         slices = self._slices(options.slices)
         report("Diffs", 0.3)
+        deep = options.effort.deep_layers
+        root, deep_diffs = self._octree.levels[0], DeepLayers.DIFFS in deep
         planes = self._bit_planes(
-            [DifferenceCoder(self._octree.levels[0], slices, i, mirror) for i in range(len(slices))]
+            [DifferenceCoder(root, slices, i, mirror, deep=deep_diffs) for i in range(len(slices))]
         )
         self.header = CompactHeader(
             base_depth=base_depth,
@@ -86,6 +89,7 @@ class CompactEncoding:
             mirror=mirror,
             slices=slices,
             previews=len(previews),
+            deep=deep,
         )
         report("levels", 0.6)
         self._send_previews(previews)

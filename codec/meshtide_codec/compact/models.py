@@ -1,8 +1,8 @@
 """The adaptive states of the Map coder and of the Diff coder: contexts and mixer weights.
 
 Streams begin from trained states, which spare small meshes and early packets the time to learn. The states are part
-of the format: `geometry_states.npz` holds for each context its probability (16 bits) and count, and the weights.
-`tools/train_geometry.py` makes the file.
+of the format: `geometry_states.npz` holds for each context its probability (16 bits) and count, and the weights;
+`deep_states.npz` the same for effort high. `tools/train_geometry.py` and `tools/train_deep.py` make the files.
 """
 
 from __future__ import annotations
@@ -14,15 +14,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.compact import diff_kernels, map_layout
+from meshtide_codec.compact import diff_high_context_kernels, diff_kernels, map_layout
+from meshtide_codec.entropy.deep_mixing_kernels import new_corrections, new_deep_weights
 from meshtide_codec.entropy.mixing_kernels import new_weights
 from meshtide_codec.entropy.model_kernels import new_contexts
 
 if TYPE_CHECKING:
+    from meshtide_codec.entropy.deep_mixing_kernels import Corrections, Mixer
     from meshtide_codec.entropy.mixing_kernels import Weights
     from meshtide_codec.entropy.model_kernels import Contexts
 
 STATES_FILE = "geometry_states.npz"
+DEEP_STATES_FILE = "deep_states.npz"
 
 UNTRAINED_TRUST = 1.4
 """Sum of an untrained neuron's weights: contexts that agree are more certain together than each alone."""
@@ -45,6 +48,25 @@ class Models:
         self.weights = other.weights
 
 
+@dataclasses.dataclass
+class DeepModels:
+    """The same for deep mixing: contexts (slow, then fast), weights, final weights and corrections, all int32."""
+
+    contexts: Contexts
+    weights: Weights
+    final_weights: Weights
+    corrections: Corrections
+
+    def copy(self) -> DeepModels:
+        """An independent copy, so that a damaged packet does not spoil the states before it."""
+        return DeepModels(*(array.copy() for array in self.mixer))
+
+    @property
+    def mixer(self) -> Mixer:
+        """What `code_deep_bit` takes."""
+        return self.contexts, self.weights, self.final_weights, self.corrections
+
+
 def new_map_models() -> Models:
     """States for the first Map of a stream."""
     return _trained("map").copy()
@@ -53,6 +75,11 @@ def new_map_models() -> Models:
 def new_diff_models() -> Models:
     """States for the first Diff of a slice."""
     return _trained("diff").copy()
+
+
+def new_deep_diff_models() -> DeepModels:
+    """States for the first Diff of a slice at effort high."""
+    return _trained_deeply("diff").copy()
 
 
 def untrained_map_models() -> Models:
@@ -65,6 +92,23 @@ def untrained_diff_models() -> Models:
     return Models(new_contexts(diff_kernels.CONTEXTS), new_weights(diff_kernels.NEURONS, UNTRAINED_TRUST))
 
 
+def untrained_deep_diff_models() -> DeepModels:
+    """Even chances and equal weights for the Diff coder at effort high: where training begins."""
+    return DeepModels(
+        new_contexts(2 * diff_high_context_kernels.CONTEXTS),
+        new_deep_weights(
+            diff_high_context_kernels.NEURONS,
+            diff_high_context_kernels.INPUTS,
+            2 * diff_high_context_kernels.HEARD_CONTEXTS,
+            UNTRAINED_TRUST,
+        ),
+        new_deep_weights(
+            diff_high_context_kernels.FINALS, diff_high_context_kernels.CHOICES, diff_high_context_kernels.CHOICES, 1.0
+        ),
+        new_corrections(diff_high_context_kernels.CORRECTIONS),
+    )
+
+
 @functools.cache
 def _trained(coder: str) -> Models:
     """The trained states of one of the coders, from the package's data."""
@@ -73,3 +117,15 @@ def _trained(coder: str) -> Models:
         counts = states[f"{coder}_counts"].astype(np.int32)
         weights = states[f"{coder}_weights"].astype(np.int32)
     return Models((probabilities << 8) | counts, weights)
+
+
+@functools.cache
+def _trained_deeply(coder: str) -> DeepModels:
+    """The trained states of one of the coders at effort high, from the package's data."""
+    with (resources.files("meshtide_codec.compact") / DEEP_STATES_FILE).open("rb") as file, np.load(file) as states:
+        probabilities = states[f"{coder}_probabilities"].astype(np.int32)
+        counts = states[f"{coder}_counts"].astype(np.int32)
+        weights, final_weights, corrections = (
+            states[f"{coder}_{name}"].astype(np.int32) for name in ("weights", "final_weights", "corrections")
+        )
+    return DeepModels((probabilities << 8) | counts, weights, final_weights, corrections)

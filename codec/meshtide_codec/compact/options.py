@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.compact.display_filter import STRENGTH_STEP
+from meshtide_codec.compact.effort import DeepLayers, Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.slices import Slices
 from meshtide_codec.errors import ContainerError, OptionError
@@ -24,6 +25,8 @@ MAXIMUM_SLICES = 4096
 MAXIMUM_PREVIEWS = 8
 PLACES_BY_PACKETS = 3
 """The format version from which on the packet table alone tells what is sent at which depth."""
+MAXIMUM_DEEP_SLICES = 512
+"""Slices at effort high: each has models of its own, six times as large as at effort default."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,7 @@ class CompactOptions:
             diagonal, by measured distance.
         slices: into how many Morton ranges the Diffs are cut, each decodable without the others.
         mirror: whether to look for a plane of symmetry.
+        effort: whether time counts (default) or size (high); "default" and "high" are understood too.
 
     Raises:
         OptionError: a value outside its range.
@@ -46,12 +50,18 @@ class CompactOptions:
     previews: tuple[int, ...] | None = None
     slices: int = 1
     mirror: bool = True
+    effort: Effort = Effort.DEFAULT
 
     def __post_init__(self) -> None:
+        if self.effort not in tuple(Effort):
+            raise OptionError(f"effort is {' or '.join(Effort)}, not {self.effort!r}")
+        object.__setattr__(self, "effort", Effort(self.effort))
         if not SMALLEST_B <= self.bits <= LARGEST_B:
             raise OptionError(f"B must be {SMALLEST_B}..{LARGEST_B} bits per coordinate, not {self.bits}")
         if not 1 <= self.slices <= MAXIMUM_SLICES:
             raise OptionError(f"the Diffs can be cut into 1..{MAXIMUM_SLICES} slices, not {self.slices}")
+        if DeepLayers.DIFFS in self.effort.deep_layers and self.slices > MAXIMUM_DEEP_SLICES:
+            raise OptionError(f"effort {self.effort} takes at most {MAXIMUM_DEEP_SLICES} slices, not {self.slices}")
         if self.previews is None:
             return
         if len(self.previews) > MAXIMUM_PREVIEWS or any(ratio < 2 for ratio in self.previews):
@@ -73,6 +83,7 @@ class CompactHeader:
         previews: how many previews there are.
         preview_bits: bits per coordinate of each of them, in the order in which they are sent, if the header tells
             them, as it does before format version 3.
+        deep: the layers that are coded deeply.
     """
 
     base_depth: int
@@ -82,6 +93,7 @@ class CompactHeader:
     slices: Slices
     previews: int
     preview_bits: tuple[int, ...] = ()
+    deep: DeepLayers = DeepLayers.NONE
 
     def to_options(self) -> dict[str, Any]:
         """The fields as plain msgpack values, for `StreamHeader.options`; not those that the packet table tells."""
@@ -92,6 +104,8 @@ class CompactHeader:
             options["m"] = [self.mirror.axis, self.mirror.coordinate_sum]
         if len(self.slices) > 1:
             options["s"] = list(self.slices.starts)
+        if self.deep:
+            options["e"] = int(self.deep)
         return options
 
     @classmethod
@@ -109,7 +123,7 @@ class CompactHeader:
     @classmethod
     def _from_packets(cls, header: StreamHeader) -> CompactHeader:
         options, bits = header.options, header.bits
-        if not set(options) <= {"f", "m", "s"}:
+        if not set(options) <= {"f", "m", "s", "e"}:
             raise plain_values.BadValueError(f"options of a compact stream are not {plain_values.shown(options)}")
         levels: dict[PacketKind, list[int]] = {kind: [] for kind in PacketKind}
         for entry in header.packets:
@@ -124,14 +138,19 @@ class CompactHeader:
         if previews > MAXIMUM_PREVIEWS:
             raise plain_values.BadValueError(f"{previews} previews, more than {MAXIMUM_PREVIEWS}")
         count = bits - base_depth + 1
+        slices = _slices(options, bits)
+        deep = DeepLayers(plain_values.integer(options.get("e", 0), "deep layers", 0, DeepLayers.ALL))
+        if DeepLayers.DIFFS in deep and len(slices) > MAXIMUM_DEEP_SLICES:
+            raise plain_values.BadValueError(f"{len(slices)} slices, more than {MAXIMUM_DEEP_SLICES}")
         packed = plain_values.binary(options.get("f", b""), "strengths", (count + 1) // 2)
         return cls(
             base_depth=base_depth,
             strengths=_unpack_strengths(packed, count),
             diff_depths=tuple(depths),
             mirror=_mirror(options, bits),
-            slices=_slices(options, bits),
+            slices=slices,
             previews=previews,
+            deep=deep,
         )
 
     @classmethod

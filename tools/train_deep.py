@@ -1,0 +1,118 @@
+"""Train the initial states of the deeply mixed coders of effort high on meshes given on the command line.
+
+    python tools/train_deep.py --output codec/meshtide_codec/compact/deep_states.npz MESH...
+
+Meshes are coded and contexts averaged as in `train_geometry.py`, whose turns and coarsened shapes are coded here too.
+Weights, final weights and corrections are means over the runs that moved them, weighted by the vertices of each: a few
+hundred vertices move them little, and nowhere in particular. With --test MESH... the sizes of other meshes are
+printed, as ratios to those of effort default.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from train_geometry import Gathered, octree_of, training_octrees
+
+from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
+from meshtide_codec.compact.mirror import find_mirror
+from meshtide_codec.compact.models import DeepModels, Models, new_diff_models, untrained_deep_diff_models
+from meshtide_codec.compact.slices import Slices
+from meshtide_codec.files import load_mesh
+
+if TYPE_CHECKING:
+    from meshtide_codec.compact.octree import Octree
+
+AnyModels = TypeVar("AnyModels", Models, DeepModels)
+ROUNDS = 8
+
+
+class GatheredDeeply:
+    """What the runs of one round have left; see `train_geometry.Gathered` for the contexts."""
+
+    def __init__(self, models: DeepModels) -> None:
+        self.models = models
+        self._contexts = Gathered(Models(models.contexts, models.weights))
+        self._moving = [models.weights, models.final_weights, models.corrections]
+        self._sums = [np.zeros(len(array)) for array in self._moving]
+        self._shares = [np.zeros(len(array)) for array in self._moving]
+
+    def start(self) -> DeepModels:
+        """States for a run."""
+        start = self._contexts.start()
+        return DeepModels(start.contexts, *(array.copy() for array in self._moving))
+
+    def add(self, learnt: DeepModels, vertices: int) -> None:
+        """Take in the states that a run over so many vertices has left."""
+        self._contexts.add(Models(learnt.contexts, learnt.weights))
+        after = [learnt.weights, learnt.final_weights, learnt.corrections]
+        for place, (old, new) in enumerate(zip(self._moving, after, strict=True)):
+            moved = new != old
+            self._sums[place] += np.where(moved, float(vertices) * new, 0.0)
+            self._shares[place] += np.where(moved, float(vertices), 0.0)
+
+    def states(self) -> DeepModels:
+        """The trained states after a round; what no run moved stays as it was."""
+        means: list[npt.NDArray[np.int32]] = []
+        for total, share, old in zip(self._sums, self._shares, self._moving, strict=True):
+            mean = np.rint(total / np.maximum(share, 1.0)).astype(np.int32)
+            means.append(np.where(share > 0.0, mean, old).astype(np.int32))
+        return DeepModels(self._contexts.states().contexts, *means)
+
+
+def code_diffs(octree: Octree, models: AnyModels) -> tuple[int, AnyModels]:
+    """Bytes of all Diffs of a mesh, and what the models have become."""
+    mirror = find_mirror(octree.positions, octree.bits)
+    slices = Slices(octree.bits)
+    state = new_slice_state(octree.levels[0], slices, 0, models)
+    size = sum(len(encode_diff(octree, depth, state, slices, 0, mirror)) for depth in range(1, octree.bits + 1))
+    return size, state.models  # type: ignore[return-value]
+
+
+def train_diffs(octrees: list[Octree]) -> DeepModels:
+    """The states that the Diff coder should begin with."""
+    models = untrained_deep_diff_models()
+    for _ in range(ROUNDS):
+        gathered = GatheredDeeply(models)
+        for octree in octrees:
+            _, learnt = code_diffs(octree, gathered.start())
+            gathered.add(learnt, len(octree.positions))
+        models = gathered.states()
+    return models
+
+
+def packed(coder: str, models: DeepModels) -> dict[str, npt.NDArray[np.generic]]:
+    """The arrays of the states file for one coder."""
+    return {
+        f"{coder}_probabilities": (models.contexts >> 8).astype(np.uint16),
+        f"{coder}_counts": (models.contexts & 255).astype(np.uint8),
+        f"{coder}_weights": models.weights,
+        f"{coder}_final_weights": models.final_weights,
+        f"{coder}_corrections": models.corrections,
+    }
+
+
+def main() -> None:
+    """Train, save, and report."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("meshes", nargs="+", type=Path)
+    parser.add_argument("--test", nargs="*", type=Path, default=[])
+    parser.add_argument("--output", type=Path, required=True)
+    arguments = parser.parse_args()
+    octrees = training_octrees([load_mesh(path) for path in arguments.meshes])
+    diff_models = train_diffs(octrees)
+    for path in arguments.test:
+        octree = octree_of(load_mesh(path), 12)
+        default, _ = code_diffs(octree, new_diff_models())
+        high, _ = code_diffs(octree, diff_models.copy())
+        print(f"  {path.name:28} {len(octree.positions):6} vertices  diff {high / default:.4f}")
+    np.savez_compressed(arguments.output, **packed("diff", diff_models))
+    print(f"{arguments.output}: {arguments.output.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()
