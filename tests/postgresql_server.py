@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 START_SECONDS = 60
 USER = "meshtide"
@@ -44,8 +44,15 @@ def unprivileged_user() -> str | None:
 
 
 @contextmanager
-def running_postgresql() -> Iterator[str]:
-    """The URL of an empty database, in the manner of SQLAlchemy without a driver."""
+def running_postgresql(
+    password: str = "", arguments: Sequence[str] = ("-A", "trust", "--locale=C.UTF-8")
+) -> Iterator[str]:
+    """The URL of an empty database, in the manner of SQLAlchemy without a driver.
+
+    Args:
+        password: of the user; "" for a server that asks for none.
+        arguments: how the cluster is made.
+    """
     initdb, postgres = program("initdb"), program("postgres")
     user = unprivileged_user()
     folder = Path(tempfile.mkdtemp(prefix="meshtide-postgresql-"))  # pytest's folders are closed to other users
@@ -53,7 +60,11 @@ def running_postgresql() -> Iterator[str]:
         if user is not None:
             shutil.chown(folder, user)
         data = folder / "data"
-        create = [initdb, "-D", str(data), "-U", USER, "-A", "trust", "-E", "UTF8", "--locale=C.UTF-8", "--no-sync"]
+        create = [initdb, "-D", str(data), "-U", USER, "-E", "UTF8", "--no-sync", *arguments]
+        if password:
+            (folder / "password").write_text(password)
+            (folder / "password").chmod(0o644)
+            create += [f"--pwfile={folder / 'password'}"]
         subprocess.run(create, user=user, cwd=folder, check=True, capture_output=True)
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
@@ -63,7 +74,7 @@ def running_postgresql() -> Iterator[str]:
             process = subprocess.Popen([postgres, *options], user=user, cwd=folder, stdout=log, stderr=log)
         try:
             wait_until_it_listens(port, process, folder / "log")
-            yield f"postgresql://{USER}@127.0.0.1:{port}/postgres"
+            yield f"postgresql://{USER}{password and ':'}{password}@127.0.0.1:{port}/postgres"
         finally:
             process.terminate()
             process.wait(30)
