@@ -256,7 +256,7 @@ def ingest(
     """
     from meshtide_client.credentials import find_token
     from meshtide_client.ingest import ingest as ingest_files
-    from meshtide_client.ingest_display import ingest_display, print_ingested
+    from meshtide_client.ingest_display import IngestDisplay, print_ingested
     from meshtide_client.ingest_plan import mesh_files
     from meshtide_client.store_ingest import ingest_into_store
     from meshtide_codec.command_line import ExitCode
@@ -266,7 +266,7 @@ def ingest(
     if into_store == (server is not None):
         raise OptionError("say where to: --server, or --data, or --store and --database")
     files = mesh_files(paths)
-    with ingest_display(len(files), quiet=as_json) as progress:
+    with IngestDisplay(len(files), quiet=as_json) as display:
         if server is not None:
             given = {"bits": bits, "profile": profile, "tag": tag, "licence": licence or None}
             results = ingest_files(
@@ -277,12 +277,13 @@ def ingest(
                 timeout=timeout,
                 replace=replace,
                 options={name: value for name, value in given.items() if value is not None},
-                progress=progress,
+                progress=display.tell,
             )
         else:
             where = {"data": data, "store": store, "database": database, "workers": workers, "scheduler": distributed}
             how = {"bits": bits, "profile": profile, "tags": tuple(tag or ()), "licence": licence, "patience": timeout}
-            results = ingest_into_store(files, {**where, **how}, replace=replace, progress=progress)
+            options = {**where, **how}
+            results = ingest_into_store(files, options, replace=replace, progress=display.tell, stage=display.stage)
     place = {"server": server, "data": data, "store": store, "scheduler": distributed}
     if print_ingested(
         results, {name: str(value) for name, value in place.items() if value is not None}, as_json=as_json

@@ -3,40 +3,54 @@
 from __future__ import annotations
 
 import json
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Sequence
+    from types import TracebackType
 
     from meshtide_client.ingest_plan import Ingested
 
 STATES = ("done", "kept", "failed")
 
 
-@contextmanager
-def ingest_display(total: int, *, quiet: bool) -> Iterator[Callable[[Ingested], None]]:
-    """A bar on standard error; yields what is to be told of each file that is through.
+class IngestDisplay:
+    """A bar on standard error, and the failures above it; a context manager. Its methods may be called by any thread.
 
     Args:
         total: how many files there are.
         quiet: whether failures are left for the JSON object.
     """
-    columns = (TextColumn("ingest"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("files", total=total)
 
-        def tell(result: Ingested) -> None:
-            bar.advance(task)
-            if result.state == "failed" and not quiet:
-                console.print(f"{result.file}: {result.error}", style="red", markup=False, soft_wrap=True)
+    def __init__(self, total: int, *, quiet: bool) -> None:
+        self._quiet = quiet
+        self._console = Console(stderr=True)
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, console=self._console, transient=True, disable=not self._console.is_terminal)
+        self._task = self._bar.add_task("ingest", total=total)
 
-        yield tell
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def tell(self, result: Ingested) -> None:
+        """A file is through."""
+        self._bar.advance(self._task)
+        if result.state == "failed" and not self._quiet:
+            self._console.print(f"{result.file}: {result.error}", style="red", markup=False, soft_wrap=True)
+
+    def stage(self, what: str) -> None:
+        """Show what is being done, such as the compilation of kernels in a first run."""
+        self._bar.update(self._task, description=f"ingest: {what}")
 
 
 def print_ingested(results: Sequence[Ingested], place: dict[str, str], *, as_json: bool) -> int:

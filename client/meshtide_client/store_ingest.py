@@ -32,12 +32,18 @@ class StoreIngest(Protocol):
             MeshtideError: it cannot be read.
         """
 
-    def run(self, files: Iterable[Sending], tell: Callable[[Path, str | None, str, str | None], None]) -> None:
+    def run(
+        self,
+        files: Iterable[Sending],
+        tell: Callable[[Path, str | None, str, str | None], None],
+        stage: Callable[[str], None],
+    ) -> None:
         """Encode files and publish them.
 
         Args:
             files: taken one by one, when there is somebody to encode them.
             tell: is told of each file that is through: itself, its mesh, "done", "kept" or "failed", and why it failed.
+            stage: is told what is being done, now and then.
 
         Raises:
             MeshtideError: no file could be tried.
@@ -66,6 +72,7 @@ def ingest_into_store(
     *,
     replace: bool = False,
     progress: Callable[[Ingested], None] = lambda _: None,
+    stage: Callable[[str], None] = lambda _: None,
 ) -> list[Ingested]:
     """Encode files and publish them in a store and a catalogue.
 
@@ -74,6 +81,7 @@ def ingest_into_store(
         options: where to, how they are encoded, and by whom; see `meshtide_server.bulk_ingest.bulk_ingest.BulkIngest`.
         replace: whether what is there already is made again; see `IngestPlan`.
         progress: is told of each file that is through.
+        stage: is told what is being done, now and then.
 
     Raises:
         OptionError: an option is wrong, or there is nobody who can do it.
@@ -90,6 +98,6 @@ def ingest_into_store(
         progress(result)
 
     plan = IngestPlan(files, work.known(), replace=replace, tell=tell)
-    work.run(plan.to_send(), lambda *told: tell(Ingested(*told)))
+    work.run(plan.to_send(), lambda *told: tell(Ingested(*told)), stage)
     plan.tell_twins(results)
     return [results[file] for file in files]

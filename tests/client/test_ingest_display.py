@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from meshtide_client.ingest_display import ingest_display, print_ingested
+from meshtide_client.ingest_display import IngestDisplay, print_ingested
 from meshtide_client.ingest_plan import Ingested
 
 RESULTS = [
@@ -35,9 +35,24 @@ def test_the_end_is_a_line_or_a_json_object(capsys: pytest.CaptureFixture[str]) 
 def test_failures_are_told_as_they_come_unless_they_come_as_json(
     quiet: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with ingest_display(len(RESULTS), quiet=quiet) as tell:
+    with IngestDisplay(len(RESULTS), quiet=quiet) as display:
         for result in RESULTS:
-            tell(result)
+            display.stage("levels")
+            display.tell(result)
     shown = capsys.readouterr()
     assert shown.out == ""
     assert shown.err.strip() == ("" if quiet else "[bold].ply: no [mesh]")
+
+
+def test_a_person_sees_a_bar_with_what_is_being_done(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    with IngestDisplay(3, quiet=True) as display:
+        display.stage("compile kernels, first run only")
+        display.tell(RESULTS[0])
+    shown = capsys.readouterr().err
+    assert "ingest: compile kernels, first run only" in shown
+    assert "1/3" in shown

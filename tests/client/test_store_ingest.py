@@ -35,8 +35,14 @@ class Work:
         assert self.options == {"data": "kept"}
         return ()
 
-    def run(self, files: Iterable[Sending], tell: Callable[[Path, str | None, str, str | None], None]) -> None:
+    def run(
+        self,
+        files: Iterable[Sending],
+        tell: Callable[[Path, str | None, str, str | None], None],
+        stage: Callable[[str], None],
+    ) -> None:
         for sending in files:
+            stage("read")
             assert len(sending.digest) == 64
             if "bad" in sending.file.name:
                 tell(sending.file, None, "failed", "no mesh")
@@ -65,7 +71,9 @@ def test_every_file_is_told_in_its_place(monkeypatch: pytest.MonkeyPatch, tmp_pa
     for file in files:
         file.write_text("same" if file.stem in {"a", "copy"} else file.name)
     told: list[Ingested] = []
-    results = ingest_into_store(files, {"data": "kept"}, progress=told.append)
+    stages: list[str] = []
+    results = ingest_into_store(files, {"data": "kept"}, progress=told.append, stage=stages.append)
+    assert set(stages) == {"read"}
     assert results == [
         Ingested(files[0], "a", "done"),
         Ingested(files[1], None, "failed", "no mesh"),

@@ -253,6 +253,27 @@ async def test_an_ingest_that_is_interrupted_ends_what_is_under_way(ingest: Inge
     assert {state for _, _, state, _ in await ingest.run(files)} == {"done"}
 
 
+async def test_few_are_published_at_a_time_however_many_are_encoded(
+    ingest: Ingest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    under_way = most = 0
+
+    async def counted(*what: Any, **more: Any) -> MeshRecord:
+        nonlocal under_way, most
+        under_way += 1
+        most = max(most, under_way)
+        try:
+            return await publish(*what, **more)
+        finally:
+            under_way -= 1
+
+    monkeypatch.setattr(module, "publish", counted)
+    ingest.encoders.capacity = 60
+    files = [chosen(ingest.file(f"{number}.obj", str(number))) for number in range(60)]
+    assert {state for _, _, state, _ in await ingest.run(files)} == {"done"}
+    assert 1 < most <= module.PUBLISHERS
+
+
 async def test_files_are_read_one_by_one(ingest: Ingest) -> None:
     taken: list[str] = []
     told_before: list[int] = []

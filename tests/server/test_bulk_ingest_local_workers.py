@@ -15,8 +15,9 @@ async def test_no_more_files_are_encoded_at_a_time_than_there_are_workers(monkey
     busy: list[int] = []
     most = 0
 
-    async def encode_file(task: Any) -> FileOutcome:
+    async def encode_file(task: Any, *, progress: Any) -> FileOutcome:
         nonlocal most
+        progress("levels", 0.5)
         busy.append(task)
         most = max(most, len(busy))
         await asyncio.sleep(0.01)
@@ -24,9 +25,11 @@ async def test_no_more_files_are_encoded_at_a_time_than_there_are_workers(monkey
         return FileOutcome(bytes([task]))
 
     monkeypatch.setattr(local_workers, "encode_file", encode_file)
-    workers = LocalWorkers(3)
+    stages: list[str] = []
+    workers = LocalWorkers(3, stages.append)
     outcomes = await asyncio.gather(*(workers.encode(number) for number in range(10)))  # type: ignore[arg-type]
     await workers.close()
     assert outcomes == [FileOutcome(bytes([number])) for number in range(10)]
     assert most == 3
+    assert stages == ["levels"] * 10
     assert workers.capacity > 3

@@ -105,19 +105,25 @@ class BulkIngest:
         """
         return asyncio.run(self._known())
 
-    def run(self, files: Iterable[ChosenFile], tell: Callable[[Path, str | None, str, str | None], None]) -> None:
+    def run(
+        self,
+        files: Iterable[ChosenFile],
+        tell: Callable[[Path, str | None, str, str | None], None],
+        stage: Callable[[str], None] = lambda _: None,
+    ) -> None:
         """Encode files and publish them.
 
         Args:
             files: taken one by one, in another thread, when there is somebody to encode them.
             tell: is told of each file that is through: itself, its mesh, "done", "kept" or "failed", and why it failed.
+            stage: is told what a worker of this machine does, now and then.
 
         Raises:
             OptionError: it is no address of a cluster, or the extra `dask` is not installed.
             StoreError, DatabaseUnavailableError, NewerSchemaError, TransferError: store, catalogue or cluster cannot
                 be opened. What goes wrong later is told of the files.
         """
-        asyncio.run(self._run(files, tell))
+        asyncio.run(self._run(files, tell, stage))
 
     async def _known(self) -> tuple[KnownMesh, ...]:
         async with AsyncExitStack() as stack:
@@ -125,7 +131,10 @@ class BulkIngest:
             return tuple([KnownMesh(row.id, row.name, row.state.value, row.source) async for row in records])
 
     async def _run(
-        self, files: Iterable[ChosenFile], tell: Callable[[Path, str | None, str, str | None], None]
+        self,
+        files: Iterable[ChosenFile],
+        tell: Callable[[Path, str | None, str, str | None], None],
+        stage: Callable[[str], None],
     ) -> None:
         async with AsyncExitStack() as stack:
             catalogue = await self._catalogue(stack)
@@ -133,7 +142,7 @@ class BulkIngest:
             stack.push_async_callback(store.close)
             if isinstance(store, MemoryStore):
                 raise OptionError("a store in memory is gone when this command ends; name a folder or a bucket")
-            encoders = await self._encoders()
+            encoders = await self._encoders(stage)
             stack.push_async_callback(encoders.close)
             ingestion = Ingestion(
                 store,
@@ -152,9 +161,9 @@ class BulkIngest:
         stack.push_async_callback(catalogue.close)
         return catalogue
 
-    async def _encoders(self) -> LocalWorkers | DaskCluster:
+    async def _encoders(self, stage: Callable[[str], None]) -> LocalWorkers | DaskCluster:
         if self._scheduler is None:
-            return LocalWorkers(self._workers or self._settings.encoder_processes)
+            return LocalWorkers(self._workers or self._settings.encoder_processes, stage)
         from meshtide_server.bulk_ingest.dask_cluster import DaskCluster  # noqa: PLC0415 - needs an extra
 
         return await DaskCluster.connect(self._scheduler, self._patience)

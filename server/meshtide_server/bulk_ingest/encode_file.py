@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import tempfile
+from collections.abc import Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,29 +69,35 @@ class FileOutcome:
     elsewhere: bool = False
 
 
-async def encode_file(task: FileTask, content: bytes | None = None) -> FileOutcome:
+Progress = Callable[[str, float], None]
+
+
+async def encode_file(
+    task: FileTask, content: bytes | None = None, progress: Progress = lambda _stage, _fraction: None
+) -> FileOutcome:
     """Check a mesh file, read it, encode it. Failures are returned, for what is raised on a cluster is lost in logs.
 
     Args:
         task: what to do.
         content: of the file, for a machine that does not see it.
+        progress: is told of stages and fractions.
     """
     if task.codec != codec_digest():
         return FileOutcome(error="the worker has another version of meshtide; install the same one everywhere")
     try:
         async with _local_file(task, content) as path:
-            return FileOutcome(elsewhere=True) if path is None else await _encode(task, path)
+            return FileOutcome(elsewhere=True) if path is None else await _encode(task, path, progress)
     except (MeshtideError, OSError) as error:
         return FileOutcome(error=str(error))
 
 
-async def _encode(task: FileTask, path: Path) -> FileOutcome:
+async def _encode(task: FileTask, path: Path, progress: Progress) -> FileOutcome:
     job = Job(path, None, task.digest, task.options, (), task.limits)
     reason = ""
     for _ in range(ATTEMPTS):
         try:
             async with asyncio.timeout(task.seconds), encoder_taken(task.process) as encoder:
-                return FileOutcome((await encoder.encode(job, lambda *_: None)).data)
+                return FileOutcome((await encoder.encode(job, progress)).data)
         except TimeoutError:
             return FileOutcome(error=f"it took longer than {task.seconds:g} s (MESHTIDE_JOB_SECONDS)")
         except EncodingFailedError as error:

@@ -38,6 +38,8 @@ logger = logging.getLogger("meshtide.server")
 
 PAUSES = (0.5, 2.0, 5.0)
 """Seconds between attempts to publish, while store or database do not answer."""
+PUBLISHERS = 8
+"""Files that are published at a time: fewer than there are connections to the database, for each holds one."""
 
 
 class ChosenFile(Protocol):
@@ -105,6 +107,7 @@ class Ingestion:
         self._licence = licence
         self._taken = taken
         self._tell = tell
+        self._publishers = asyncio.Semaphore(PUBLISHERS)
         self._stopped: str | None = None
 
     async def run(self, files: Iterable[ChosenFile]) -> None:
@@ -162,11 +165,13 @@ class Ingestion:
             stream = await self._encoded(chosen)
         for pause in PAUSES:
             try:
-                return await self._show(chosen, mesh_id, stream)
+                async with self._publishers:
+                    return await self._show(chosen, mesh_id, stream)
             except (TransferError, DatabaseUnavailableError) as error:
                 logger.warning("%s cannot be published now: %s", chosen.file, error)
                 await asyncio.sleep(pause)
-        return await self._show(chosen, mesh_id, stream)
+        async with self._publishers:
+            return await self._show(chosen, mesh_id, stream)
 
     async def _encoded(self, chosen: ChosenFile) -> bytes:
         settings = self._settings

@@ -9,6 +9,8 @@ from meshtide_server.bulk_ingest.encode_file import encode_file
 from meshtide_server.bulk_ingest.idle_encoders import end_idle_encoders
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask
 
 
@@ -17,9 +19,11 @@ class LocalWorkers:
 
     Args:
         count: how many.
+        stage: is told what one of them does, now and then.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, stage: Callable[[str], None] = lambda _: None) -> None:
+        self._stage = stage
         self._count = count
         self._free = asyncio.Semaphore(count)
 
@@ -31,7 +35,7 @@ class LocalWorkers:
     async def encode(self, task: FileTask) -> FileOutcome:
         """Encode a file as soon as a worker is free."""
         async with self._free:
-            return await encode_file(task)
+            return await encode_file(task, progress=lambda stage, _: self._stage(stage))
 
     async def close(self) -> None:
         """End the processes."""
