@@ -75,7 +75,7 @@ def read_coordinate(data: bytes, position: int) -> tuple[float, int]:
     Raises:
         ContainerError: it is neither.
 
-    >>> read_coordinate(bytes.fromhex("05dfc21e"), 0)
+    >>> read_coordinate(bytes.fromhex("05af821e"), 0)
     (-2.45912, 4)
     """
     form = data[position]

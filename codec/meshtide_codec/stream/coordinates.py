@@ -28,7 +28,7 @@ def pack_coordinate(value: float) -> bytes:
     """The shortest form of a number.
 
     >>> pack_coordinate(-2.45912).hex(), pack_coordinate(0.5).hex(), len(pack_coordinate(1 / 3))
-    ('05dfc21e', '010a', 9)
+    ('05af821e', '010a', 9)
     """
     return min(_forms(value), key=len)
 
