@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from golden_streams import GOLDEN_VARIANTS, VARIANTS, bowl, tangle
 from meshes import random_meshes, tetrahedron
 from meshtide_codec.compact import previews
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import EncodedMesh, encode
@@ -40,7 +41,7 @@ def test_every_level_of_the_golden_streams(name: str) -> None:
 
 def test_the_variants_use_what_the_format_offers() -> None:
     headers = {name: make().header for name, make in VARIANTS.items() if name.startswith("compact")}
-    assert {key for header in headers.values() for key in header.options} == {"f", "m", "s"}
+    assert {key for header in headers.values() for key in header.options} == {"e", "f", "m", "s"}
     assert any(PacketKind.PREVIEW in {entry.kind for entry in header.packets} for header in headers.values())
 
 
@@ -57,8 +58,9 @@ def test_previews(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @settings(max_examples=25)
 @given(random_meshes(largest=30))
-def test_random_meshes(mesh: Mesh) -> None:
-    data = encode(mesh, CompactOptions(bits=6, slices=2)).to_bytes()
+@pytest.mark.parametrize("effort", Effort)
+def test_random_meshes(effort: Effort, mesh: Mesh) -> None:
+    data = encode(mesh, CompactOptions(bits=6, slices=2, effort=effort)).to_bytes()
     expected, found = decode(data), reference_decode(data)
     assert np.array_equal(found.vertices, expected.vertices)
     assert np.array_equal(found.faces, expected.faces)

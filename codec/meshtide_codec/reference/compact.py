@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from meshtide_codec.reference.container import Stream
     from meshtide_codec.reference.decoder import Drawn
 
+DEEP_DIFFS = 1
+
 
 def decode_compact(stream: Stream, number: int) -> Drawn:
     """Level or preview `number`, as the packets that it needs show it."""
@@ -35,7 +37,8 @@ def decode_compact(stream: Stream, number: int) -> Drawn:
         mirror = Mirror(axis, coordinate_sum, stream.bits)
     levels = _decode_levels(stream, packets, shape.base_depth, mirror)
     slices = stream.options.get("s", [0])
-    states = [SliceDecoder(levels[0], slices, index, stream.bits, mirror) for index in range(len(slices))]
+    deep = bool(stream.options.get("e", 0) & DEEP_DIFFS)
+    states = [SliceDecoder(levels[0], slices, index, stream.bits, mirror, deep=deep) for index in range(len(slices))]
     for depth in shape.diff_depths:
         for index, state in enumerate(states):
             payload = packets.get((DIFF, stream.bits - depth, index))

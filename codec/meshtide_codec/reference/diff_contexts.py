@@ -39,11 +39,11 @@ def contexts_for(predicted: Prediction, axis: int, plane: float, mirror_axis: in
         _alignment(predicted, axis),
         (
             RING + ((SIXTEEN(ring.offset[axis]) * 8 + ring.trust) * 4 + steepness) * 4 + known,
-            _sign(ring.offset[axis]),
+            sign_of(ring.offset[axis]),
         ),
         (
             MIDPOINT + ((SIXTEEN(midpoint.offset[axis]) * 8 + midpoint.trust) * 4 + steepness) * 4 + known,
-            _sign(midpoint.offset[axis]),
+            sign_of(midpoint.offset[axis]),
         ),
         _across(predicted, axis, plane),
         _joint(predicted, axis, plane) if predicted.mirror_state == 0 else _mirrored(predicted, axis, mirror_axis),
@@ -57,14 +57,15 @@ def neuron_for(predicted: Prediction) -> int:
     return ((predicted.error_class >> 1) * 4 + predicted.known_class) * 3 + trust
 
 
-def _sign(value: float) -> int:
+def sign_of(value: float) -> int:
+    """+1 when the value is not negative, else -1."""
     return 1 if value >= 0.0 else -1
 
 
 def _plane(predicted: Prediction, axis: int, plane: float) -> Input:
     alike = int(plane * predicted.mean[axis] > 0.0)
     place = (TWELVE(plane) * 12 + TEN_WIDE(predicted.mean[axis])) * 2 + alike
-    return PLANE + place * 6 + (predicted.error_class >> 2), _sign(plane)
+    return PLANE + place * 6 + (predicted.error_class >> 2), sign_of(plane)
 
 
 def _alignment(predicted: Prediction, axis: int) -> Input:
@@ -78,8 +79,8 @@ def _alignment(predicted: Prediction, axis: int) -> Input:
 
 def _across(predicted: Prediction, axis: int, plane: float) -> Input:
     across = predicted.across.offset[axis]
-    sign = _sign(across)
-    agreeing, opposing = _ahead_and_behind(predicted, axis, sign)
+    sign = sign_of(across)
+    agreeing, opposing = ahead_and_behind(predicted, axis, sign)
     plane_ahead = plane * sign
     ahead = 0
     if plane_ahead > -1.0:
@@ -92,7 +93,7 @@ def _mirrored(predicted: Prediction, axis: int, mirror_axis: int) -> Input:
     mirrored = predicted.mirrored[axis]
     distance = min(int(abs(mirrored) * 2.0 + 0.5), 7)
     place = (distance * 9 + predicted.mirror_state) * 2 + int(axis == mirror_axis)
-    return MIRRORED + place, _sign(mirrored)
+    return MIRRORED + place, sign_of(mirrored)
 
 
 def _joint(predicted: Prediction, axis: int, plane: float) -> Input:
@@ -101,14 +102,15 @@ def _joint(predicted: Prediction, axis: int, plane: float) -> Input:
         guess = predicted.midpoint.offset[axis]
     elif predicted.ring.trust > 0:
         guess = predicted.ring.offset[axis]
-    sign = _sign(guess)
-    agreeing, opposing = _ahead_and_behind(predicted, axis, sign)
+    sign = sign_of(guess)
+    agreeing, opposing = ahead_and_behind(predicted, axis, sign)
     plane_ahead = plane * sign
     half_steps = min(int(plane_ahead * 2.0 + 3.5), 6) if plane_ahead > -1.7 else 0  # the first class
     place = (min(agreeing, 3) * 4 + min(opposing, 3)) * 7 + half_steps
     return JOINT + place * 40 + EIGHT(guess) * 5 + min(predicted.midpoint.trust, 4), sign
 
 
-def _ahead_and_behind(predicted: Prediction, axis: int, sign: int) -> tuple[int, int]:
+def ahead_and_behind(predicted: Prediction, axis: int, sign: int) -> tuple[int, int]:
+    """Members at the coordinate in the direction of `sign`, and at the opposite one."""
     below, above = predicted.below[axis], predicted.above[axis]
     return (above, below) if sign > 0 else (below, above)

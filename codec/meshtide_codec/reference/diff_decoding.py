@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from meshtide_codec.reference.deep_mixing import DeepNeurons
 from meshtide_codec.reference.diff_contexts import contexts_for, neuron_for
+from meshtide_codec.reference.diff_deep_contexts import INPUTS
+from meshtide_codec.reference.diff_deep_decoding import DeepBitPlane
 from meshtide_codec.reference.diff_prediction import Prediction
 from meshtide_codec.reference.diff_rows import NEW_ERROR, Neighbourhood, Row, rows_of, set_laplacians
 from meshtide_codec.reference.mirror import REACH, CellTable, nearest_image
 from meshtide_codec.reference.octree import NOBODY, RING_LIMIT
-from meshtide_codec.reference.trained_states import geometry_neurons
+from meshtide_codec.reference.trained_states import deep_neurons, geometry_neurons
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.mirror import Mirror
@@ -32,6 +35,7 @@ class SliceDecoder:
         index: which of them.
         bits: depth of the finest level.
         mirror: the plane of symmetry, if there is one.
+        deep: whether they are coded deeply.
 
     Attributes:
         depth: up to which the leaves are known.
@@ -39,12 +43,14 @@ class SliceDecoder:
         leaf_depths: the depth at which each became a leaf.
     """
 
-    def __init__(self, root: Level, slices: list[int], index: int, bits: int, mirror: Mirror | None) -> None:
+    def __init__(
+        self, root: Level, slices: list[int], index: int, bits: int, mirror: Mirror | None, *, deep: bool = False
+    ) -> None:
         self._slices = slices
         self._index = index
         self._bits = bits
         self._mirror = mirror
-        self._neurons = geometry_neurons("diff")
+        self._neurons = deep_neurons("diff", INPUTS) if deep else geometry_neurons("diff")
         leaves = [vertex for vertex in self.vertices(root) if root.leaves[vertex]]
         self.depth = 0
         self.cells: list[Cell] = [(0, 0, 0)] * len(leaves)
@@ -69,13 +75,17 @@ class SliceDecoder:
         owners = [vertex for vertex in leaves if level.cell_depths[vertex] < level.depth]
         rows = rows_of(level, owners, self.cells, self._errors)
         known_cells = dict(zip(owners, self.cells, strict=True))
-        images = _Images(self._mirror, level, rows)
+        images = Images(self._mirror, level, rows)
         images.carry_over(owners, self._partners, self._outcomes)
         images.find_partners(leaves, known_cells)
-        plane = _BitPlane(decoder, level, rows, images)
+        plane: BitPlane | DeepBitPlane
+        if isinstance(self._neurons, DeepNeurons):
+            plane = DeepBitPlane(decoder, level, rows, images, self._neurons)
+        else:
+            plane = BitPlane(decoder, level, rows, images, self._neurons)
         set_laplacians(level, rows, vertices)
         for vertex in owners:
-            moves = plane.decode(vertex, self._neurons)
+            moves = plane.decode(vertex)
             x, y, z = (2 * known + (move > 0.0) for known, move in zip(known_cells[vertex], moves, strict=True))
             known_cells[vertex] = (x, y, z)
         places = {leaf: place for place, leaf in enumerate(leaves)}
@@ -87,7 +97,7 @@ class SliceDecoder:
         self._outcomes = [images.outcomes[leaf] for leaf in leaves]
 
 
-class _Images:
+class Images:
     """Which leaf each leaf is the mirror image of, and how the two compared."""
 
     def __init__(self, mirror: Mirror | None, level: Level, rows: list[Row]) -> None:
@@ -157,16 +167,17 @@ class _Images:
         return x >> 1, y >> 1, z >> 1
 
 
-class _BitPlane:
+class BitPlane:
     """Three decisions for a vertex."""
 
-    def __init__(self, decoder: RangeDecoder, level: Level, rows: list[Row], images: _Images) -> None:
-        self.decoder = decoder
+    def __init__(self, decoder: RangeDecoder, level: Level, rows: list[Row], images: Images, neurons: Neurons) -> None:
+        self._decoder = decoder
         self._level = level
         self._rows = rows
         self._images = images
+        self._neurons = neurons
 
-    def decode(self, vertex: int, neurons: Neurons) -> list[float]:
+    def decode(self, vertex: int) -> list[float]:
         """By how many half cells the vertex moves along each axis: -1 or +1."""
         row = self._rows[vertex]
         predicted = Prediction(Neighbourhood(self._level, vertex, self._rows), self._rows)
@@ -179,7 +190,7 @@ class _BitPlane:
             plane = predicted.plane[axis] - carried * normal / (normal * normal + 0.15)
             inputs = contexts_for(predicted, axis, plane, self._images.axis)
             places, signs = [place for place, _ in inputs], [sign for _, sign in inputs]
-            bit = neurons.bit(self.decoder, neuron, places, RATE, LIMIT, signs)
+            bit = self._neurons.bit(self._decoder, neuron, places, RATE, LIMIT, signs)
             moves[axis] = 2.0 * bit - 1.0
             error += abs(moves[axis] - predicted.smoothed[axis])
             carried += (moves[axis] - predicted.plane[axis]) * normal

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 SLACK = 0.3
 DRIFT = 0.025
 LARGEST_TRUST = 7
+LARGEST_PAIRED = 10  # members of a ring that are paired
 Guess = tuple[list[float], float]
 """An offset from the vertex, and how many of the vertices that it is made of are not known yet."""
 
@@ -40,6 +42,11 @@ def midpoint_expert(around: Neighbourhood) -> Expert:
 def across_expert(around: Neighbourhood, rows: list[Row]) -> Expert:
     """Parallelograms over the edges of the ring."""
     return _mean(_across_guesses(around, rows))
+
+
+def pairs_expert(around: Neighbourhood) -> Expert:
+    """Midpoints of any two of the ring's first members."""
+    return _mean(_pair_guesses(around))
 
 
 def _ring_guesses(around: Neighbourhood) -> Iterator[Guess]:
@@ -73,6 +80,13 @@ def _across_guesses(around: Neighbourhood, rows: list[Row]) -> Iterator[Guess]:
             for axis in range(3)
         ]
         yield offset, unknown[place] + unknown[after] + 1.0 - far.known
+
+
+def _pair_guesses(around: Neighbourhood) -> Iterator[Guess]:
+    offsets, unknown = around.offsets[:LARGEST_PAIRED], around.unknown
+    for place, other in itertools.combinations(range(len(offsets)), 2):
+        offset = [0.5 * (offsets[place][axis] + offsets[other][axis]) for axis in range(3)]
+        yield offset, unknown[place] + unknown[other]
 
 
 def _mean(guesses: Iterator[Guess]) -> Expert:

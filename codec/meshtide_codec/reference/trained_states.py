@@ -7,6 +7,7 @@ from importlib import resources
 
 import numpy as np
 
+from meshtide_codec.reference.deep_mixing import DeepNeurons
 from meshtide_codec.reference.mixing import Neurons
 from meshtide_codec.reference.models import Contexts
 
@@ -22,6 +23,15 @@ def geometry_neurons(coder: str) -> Neurons:
     tables = _tables("compact/geometry_states.npz")
     contexts = Contexts(tables[f"{coder}_probabilities"], tables[f"{coder}_counts"])
     return Neurons(contexts, tables[f"{coder}_weights"], GEOMETRY_INPUTS)
+
+
+def deep_neurons(coder: str, inputs: int) -> DeepNeurons:
+    """A fresh copy of all that the coder "diff" learns at effort high; `inputs` are those of a neuron."""
+    tables = _tables("compact/deep_states.npz")
+    contexts = Contexts(tables[f"{coder}_probabilities"], tables[f"{coder}_counts"])
+    return DeepNeurons(
+        contexts, tables[f"{coder}_weights"], tables[f"{coder}_final_weights"], tables[f"{coder}_corrections"], inputs
+    )
 
 
 def connectivity_states(*, geometric: bool) -> tuple[Neurons, list[int]]:
