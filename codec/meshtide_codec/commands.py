@@ -46,6 +46,10 @@ def encode(
         ),
     ] = None,
     slices: Annotated[int | None, typer.Option(help="compact: into how many parts the Diffs are cut.")] = None,
+    effort: Annotated[
+        str | None,
+        typer.Option(help="compact: default, or high: smaller, and slower to write and to read.", show_default=False),
+    ] = None,
     drop_bits: Annotated[
         int | None, typer.Option("-K", "--drop-bits", help="classic: bits per coordinate that a level drops.")
     ] = None,
@@ -87,7 +91,7 @@ def encode(
     options = profile_options(
         profile,
         bits,
-        {"previews": previews, "slices": slices},
+        {"previews": previews, "slices": slices, "effort": effort},
         {
             "drop_bits": drop_bits,
             "minimum_ratio": minimum_ratio,

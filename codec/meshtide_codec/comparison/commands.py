@@ -27,6 +27,7 @@ def compare(
         typer.Option("-B", "--bits", help="Bits per coordinate; may be repeated.", show_default="12"),
     ] = None,
     profile: Annotated[str, typer.Option(help="compact or classic.")] = "compact",
+    effort: Annotated[str | None, typer.Option(help="compact: default or high.", show_default=False)] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for CSV and JSON files and a plot of each mesh.")
     ] = None,
@@ -48,7 +49,7 @@ def compare(
     from meshtide_codec.files import load_mesh
     from meshtide_codec.samples import load_sample
 
-    options = [profile_options(profile, each, {}, {}) for each in bits or [12]]
+    options = [profile_options(profile, each, {"effort": effort}, {}) for each in bits or [12]]
     paths = _mesh_files(meshes)
     check_extras(draco.LIBRARY, ladder.LIBRARY, *(plots.LIBRARIES if output is not None else ()))
     if output is not None:
