@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import tempfile
 import time
 from contextlib import suppress
@@ -63,6 +64,8 @@ class JobAttempt:
         self._settings = settings
         self._stage = ("starting", 0.0)
         self._lost = False
+        self._folder = ""
+        """Where the upload lies here, which is not to be told to who sent it."""
 
     async def run(self, encoder: EncoderProcess) -> None:
         """Work until the job has ended one way or another; if this is cancelled, it is still the owner's."""
@@ -110,6 +113,7 @@ class JobAttempt:
         return JobOutcome.DONE
 
     async def _failed(self, reason: str, *, retry: bool) -> JobOutcome:
+        reason = reason.replace(self._folder, "") if self._folder else reason
         after = await self._kept.catalogue.jobs.fail(self._job.id, self._owner, reason, retry=retry)
         logger.warning("job %s of mesh %s failed: %s", self._job.id, self._job.mesh_id, reason)
         if after is None:
@@ -148,6 +152,7 @@ class JobAttempt:
         mesh = await catalogue.meshes.get(self._job.mesh_id)
         suffix = PurePosixPath(self._job.source_key).suffix
         with tempfile.TemporaryDirectory(prefix="meshtide-job-") as folder:
+            self._folder = f"{folder}{os.sep}"
             source = Path(folder) / f"{mesh.id}{suffix}"
             stream: Path | bytes | None = None if suffix == TIDE_SUFFIX else await self._encoded_before(mesh)
             if stream is None:

@@ -38,7 +38,8 @@ _Responses = dict[int | str, dict[str, Any]]
 _REFUSALS: _Responses = {
     **UNAUTHORIZED,
     404: {"model": Problem, "description": "There is no such mesh."},
-    500: {"model": Problem, "description": "The mesh cannot be served; the message says why."},
+    409: {"model": Problem, "description": "Its file could not be made a stream; the message says why."},
+    500: {"model": Problem, "description": "Its stream is damaged in the server's store."},
     503: {"model": Problem, "description": "The mesh is being encoded; the message says how far."},
 }
 _BINARY = {"content": {MEDIA_TYPE: {"schema": {"type": "string", "format": "binary"}}}}
@@ -152,7 +153,7 @@ async def find_stream(library: Library, mesh_id: str) -> tuple[HostedMesh, Hoste
         message = f"there is no mesh {mesh_id[:100]!r}; GET /meshes lists them all"
         raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-mesh", message)
     if found.status == Status.FAILED:
-        raise RefusedError(HTTPStatus.INTERNAL_SERVER_ERROR, "mesh-failed", found.failed_message)
+        raise RefusedError(HTTPStatus.CONFLICT, "mesh-failed", found.failed_message)
     if found.stream is None:
         raise RefusedError(HTTPStatus.SERVICE_UNAVAILABLE, "not-ready", found.not_ready_message, retry_after=1)
     return found, found.stream

@@ -27,7 +27,7 @@ from meshtide_server.settings import Profile  # noqa: TC001 - pydantic reads the
 from meshtide_server.uploads import Upload, checked_suffix, receive
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Iterable
 
     from meshtide_server.catalogue import Job
     from meshtide_server.job_runner import JobRunner
@@ -193,14 +193,13 @@ async def delete_mesh(request: Request, mesh_id: MeshId) -> None:
     """Delete a published mesh, with its jobs; its stream goes with the last mesh that has the same."""
     kept = _kept(request)
     _refuse_folder_mesh(request, mesh_id)
-    sources = {job.source_key for job in await kept.catalogue.jobs.list(mesh_id=mesh_id)}
+    sources = await _sources_of(kept, mesh_id)
     try:
         await kept.catalogue.delete(mesh_id)
     except UnknownMeshError as error:
         raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-mesh", f"no mesh {mesh_id!r} is published here") from error
     await kept.refresh()
-    for key in sources:
-        await kept.catalogue.sources.collect(key, kept.store.delete)
+    await _collect(kept, sources)
 
 
 @router.get(
@@ -271,13 +270,27 @@ async def _accepted(
     request: Request, response: Response, query: UploadQuery, mesh_id: str, source: Upload, *, replace: bool
 ) -> JobStatus:
     """Queue the job of an upload, and answer that it is taken."""
-    _, job = await _kept(request).catalogue.add_with_job(
+    kept = _kept(request)
+    earlier = await _sources_of(kept, mesh_id) if replace else ()
+    _, job = await kept.catalogue.add_with_job(
         query.mesh(mesh_id, source), source.key, query.options(_settings(request)), replace=replace, note=source.note
     )
+    await _collect(kept, earlier)
     runner: JobRunner = request.app.state.jobs
     runner.notify()
     response.headers["Location"] = f"/jobs/{job.id}"
     return JobStatus.of(job)
+
+
+async def _sources_of(kept: KeptMeshes, mesh_id: str) -> set[str]:
+    """The uploaded files that a mesh's jobs were for."""
+    return {job.source_key for job in await kept.catalogue.jobs.list(mesh_id=mesh_id)}
+
+
+async def _collect(kept: KeptMeshes, sources: Iterable[str]) -> None:
+    """Delete uploaded files unless other jobs need them."""
+    for key in sources:
+        await kept.catalogue.sources.collect(key, kept.store.delete)
 
 
 async def _job(request: Request, job_id: str) -> Job:

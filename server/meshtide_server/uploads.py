@@ -15,6 +15,8 @@ from http import HTTPStatus
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, BinaryIO, cast
 
+from starlette.requests import ClientDisconnect
+
 from meshtide_codec.files import is_mesh_path
 from meshtide_server.catalogue.catalogue import UNUSED_FOR
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
@@ -136,6 +138,9 @@ async def _flowing(body: AsyncIterator[bytes], stall_seconds: float) -> AsyncIte
         except TimeoutError:
             message = f"nothing of the upload came for {stall_seconds:g} s (MESHTIDE_UPLOAD_STALL_TIMEOUT)"
             raise RefusedError(HTTPStatus.REQUEST_TIMEOUT, "stalled", message) from None
+        except ClientDisconnect:  # nobody is there to read it
+            message = "the client left before the end of the upload"
+            raise RefusedError(HTTPStatus.BAD_REQUEST, "cut-off", message) from None
         yield piece
 
 

@@ -189,7 +189,7 @@ async def test_a_mesh_that_is_not_ready_says_how_far_it_is(app: FastAPI, client:
 async def test_a_failed_mesh_says_why(app: FastAPI, client: httpx.AsyncClient) -> None:
     app.state.library.find("small").fail("it is made of cheese")
     answer = await client.get("/meshes/small.tide")
-    assert answer.status_code == 500
+    assert answer.status_code == 409
     assert answer.json() == {"error": "mesh-failed", "message": "mesh 'small' cannot be served: it is made of cheese"}
 
 

@@ -159,6 +159,11 @@ def test_uploaded_files_leave_the_store_when_no_job_needs_them(folder: Path, tmp
         assert httpx.delete(f"{live.url}/meshes/{jobs[0]['mesh']}", headers=WRITER).status_code == 204
         assert len(sources(data)) == 1  # the other job needs it
         post(live.url, "bad.obj", b"no mesh either")
+        for content in (b"first", b"second", b"first"):
+            params = {"filename": "a.obj"}
+            httpx.put(f"{live.url}/meshes/mine", params=params, content=content, headers=WRITER).raise_for_status()
+            assert len(sources(data)) == 3  # what was replaced is gone
+        assert httpx.delete(f"{live.url}/meshes/mine", headers=WRITER).status_code == 204
         (data / "store" / "sources" / f"{'0' * 64}.obj").write_bytes(b"a killed server has left this")
         assert len(sources(data)) == 3
     with running(settings_for(folder, data)) as live:
@@ -182,6 +187,27 @@ def test_an_upload_that_stands_still_is_refused_and_leaves_nothing(folder: Path,
         assert sources(tmp_path / "data") == []
         assert not list((tmp_path / "data" / "store" / ".parts").iterdir())
         assert [row["id"] for row in httpx.get(f"{live.url}/meshes").json()] == ["small"]
+
+
+def test_a_client_that_leaves_in_the_middle_of_an_upload_is_no_fault_of_the_server(
+    server: LiveServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    parts = urlsplit(server.url)
+    head = f"POST /meshes?filename=a.obj HTTP/1.1\r\nHost: h\r\nAuthorization: Bearer {TOKEN}\r\n"
+    with caplog.at_level("INFO", "meshtide.access"):
+        with socket.create_connection((parts.hostname, parts.port), timeout=20) as connection:
+            connection.sendall(f"{head}Content-Length: 1000\r\n\r\nv 0 0 0\n".encode())
+            time.sleep(0.2)
+        assert post(server.url, "a.obj", TETRAHEDRON.encode()).status_code == 202
+        time.sleep(0.2)
+    assert not [record for record in caplog.records if record.levelname == "ERROR"]
+    assert [row["id"] for row in httpx.get(f"{server.url}/meshes").json()] == ["a", "small"]
+
+
+def test_reasons_name_no_places_of_the_server(server: LiveServer) -> None:
+    job = post(server.url, "odd.obj", TETRAHEDRON.replace("0 0 0", "nan 0 0").encode()).json()
+    error = finished(server.url, job["id"])["error"]
+    assert error.startswith("odd.obj: vertex 0 is not finite")
 
 
 @pytest.mark.parametrize(

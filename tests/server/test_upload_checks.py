@@ -155,6 +155,11 @@ HOSTILE: dict[str, tuple[str, bytes, str]] = {
     "GLB, deep JSON": ("a.glb", glb(b"[" * 200_000), "cannot be read"),
     "GLB, JSON that is a list": ("a.glb", glb(b"[]"), "not an object"),
     "GLB, a wrong length": ("a.glb", glb(document(), length=2**32 - 1), "claims 4294967295 bytes"),
+    "GLB, a chunk of four gigabytes": (
+        "a.glb",
+        glb(document())[:-44] + struct.pack("<I4s", 2**32 - 1, b"BIN\0") + bytes(36),
+        "a chunk .* claims 4294967295 bytes, but 36 follow",
+    ),
     "GLB, version 1": ("a.glb", glb(document(), version=1), "not a GLB file of version 2"),
     "GLB, cut off": ("a.glb", glb(document())[:15], "ends within its header"),
     "another format's content": ("a.ply", glb(document()), "named \\*.ply, but its content is glb"),

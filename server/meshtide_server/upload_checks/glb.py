@@ -8,6 +8,7 @@ graphs that are no trees (each level showing the next one twice makes 2^n copies
 from __future__ import annotations
 
 import json
+import os
 import struct
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -72,7 +73,19 @@ def _chunks(file: BinaryIO, size: int) -> tuple[dict[str, Any], int]:
         raise MeshFileError(f"the JSON of the GLB file cannot be read: {str(error)[:100]}") from error
     if not isinstance(document, dict):
         raise MeshFileError("the JSON of the GLB file is not an object")
-    return document, size - len(head) - json_bytes
+    return document, _chunk_bytes(file, size)
+
+
+def _chunk_bytes(file: BinaryIO, size: int) -> int:
+    """How many bytes the chunks hold that follow; the reader would ask for as much memory as each one claims."""
+    total = 0
+    while len(head := file.read(_CHUNK.size)) == _CHUNK.size:
+        length, _ = _CHUNK.unpack(head)
+        if length > size - file.tell():
+            raise MeshFileError(f"a chunk of the GLB file claims {length} bytes, but {size - file.tell()} follow it")
+        file.seek(length, os.SEEK_CUR)
+        total += length
+    return total
 
 
 def _refuse_compression(extensions: object) -> None:

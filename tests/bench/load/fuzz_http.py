@@ -1,19 +1,18 @@
 """Random and mutated HTTP requests against a real server: `python tests/bench/load/fuzz_http.py --requests 10000`.
 
-Three kinds take turns: requests that fit the OpenAPI document and requests that break it (both made by schemathesis),
-requests for addresses that exist with headers and methods that were made up, and bytes that are hardly HTTP, written
-to the socket. Any answer of 500 and above (but 503 with the code `not-ready`), an end of the server, a line about a
-fault in its log, or growing memory or descriptors is a failure: the exit code is 1 then.
+Four kinds take turns: requests that fit the OpenAPI document and requests that break it (both made by schemathesis),
+requests for addresses that exist with headers and methods that were made up, uploads with the token that they need, of
+meshes of every format, whole and damaged, which are then read, replaced and deleted, and bytes that are hardly HTTP,
+written to the socket. Any answer of 500 and above (but 503 with the code `not-ready`), an end of the server, a line
+about a fault in its log, growing memory or descriptors, a job that ends in a fault or does not end, a good mesh that is
+refused, or an uploaded file that is left in the store is a failure: the exit code is 1 then.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import random
 import socket
 import sys
-import time
 import warnings
 from collections import Counter
 from contextlib import contextmanager, suppress
@@ -23,17 +22,35 @@ from urllib.parse import quote, urlsplit
 import httpx
 import requests
 import schemathesis
+from fuzz_uploads import IDS, Upload, Uploads
+from fuzzing import Budget, run_command
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import seed as hypothesis_seed
 from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
-from watched_server import MESH, WRITE_TOKEN, WatchedServer, watched_server
+from watched_server import MESH, WRITE_TOKEN, watched_server
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
 BATCH = 40
 """Requests to one operation before it is another one's turn."""
+WAITING = 40
+"""Uploads that may wait to be encoded before the next ones are sent."""
+_WRITER = {"Authorization": f"Bearer {WRITE_TOKEN}"}
+_VIEWS = ("", ".tide", "/header", "/nothing")
+_FAULTS = ("a fault of the server", "internal error", "the encoder failed", "ended early")
+"""What the reason of no failure may be: these are the server's mistakes, not the upload's."""
+_SETTINGS = {
+    "MESHTIDE_MAX_UPLOAD": "100000",
+    "MESHTIDE_MAX_VERTICES": "20000",
+    "MESHTIDE_MAX_FACES": "40000",
+    "MESHTIDE_JOB_MEMORY": str(2 << 30),
+    "MESHTIDE_JOB_SECONDS": "60",
+    "MESHTIDE_JOB_PROCESSOR_SECONDS": "60",
+    "MESHTIDE_JOB_PROCESSES": "2",
+    "MESHTIDE_UPLOAD_STALL_TIMEOUT": "1",
+}
 _METHODS = (*["GET"] * 9, "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "BREW")
 _RANGES = ("bytes=0-", "bytes=-1", "bytes=5-9", "bytes=5-2", "bytes=0-0,2-3", "bytes=99999999999999999999-", "bytes=-0")
 _TAGS = ("*", '"x"', 'W/"x"', '"', "\x7f")
@@ -59,28 +76,26 @@ class Fuzzer:
     """Sends requests and looks at the answers.
 
     Args:
-        server: the server.
-        wanted: how many requests.
-        seconds: how long at most.
-        seed: of everything that is random.
+        budget: how many requests, and for how long.
     """
 
-    def __init__(self, server: WatchedServer, wanted: int, seconds: float, seed: int) -> None:
-        self._server = server
-        self._wanted = wanted
-        self._until = time.monotonic() + seconds
-        self._random = random.Random(seed)
+    def __init__(self, budget: Budget) -> None:
+        self._budget = budget
+        self._server = budget.server
+        self._random = budget.random
         self._session = requests.Session()
         self._session.trust_env = False
-        self.sent = 0
+        self._uploads = Uploads(budget.random)
+        self.jobs: dict[str, bool] = {}
+        """The jobs of uploads that were taken, and whether each is to go well."""
         self.statuses: Counter[int] = Counter()
         self.unsent: Counter[str] = Counter()
         """Requests that got no answer, by the client's error: such as headers that it does not write."""
 
     @property
     def done(self) -> bool:
-        """Whether there were enough requests, time, or failures."""
-        return self.sent >= self._wanted or time.monotonic() > self._until or len(self._server.problems) > 20
+        """Whether there was enough of requests, of time, or of problems."""
+        return self._budget.done
 
     def run(self) -> None:
         """Send all requests."""
@@ -94,12 +109,11 @@ class Fuzzer:
                 for mode in (GenerationMode.POSITIVE, GenerationMode.NEGATIVE):
                     if not self.done:
                         self._from_schema(operation, mode)
-            for _ in range(BATCH * len(operations)):
-                if not self.done:
-                    self._made_up(self._random.choice(paths))
-            for _ in range(BATCH):
-                if not self.done:
-                    self._junk(self._random.choice(paths))
+            turns = (*[self._made_up, self._upload] * len(operations), self._junk)
+            for turn in turns:
+                for _ in range(BATCH):
+                    if not self.done:
+                        turn(self._random.choice(paths))
             if not warm:
                 warm = True
                 self._server.note()
@@ -117,7 +131,7 @@ class Fuzzer:
         def send(case: Any) -> None:
             if self.done:
                 return
-            headers = {"Authorization": f"Bearer {WRITE_TOKEN}"} if self._random.random() < 0.5 else {}
+            headers = _WRITER if self._random.random() < 0.5 else {}
             with self._told(f"{case.method} {case.formatted_path!r}"):
                 answer = case.call(session=self._session, headers=headers, timeout=30.0)
                 self._note(answer.status_code, answer.content, f"{case.method} {case.formatted_path!r}")
@@ -144,6 +158,76 @@ class Fuzzer:
             )
             self._note(answer.status_code, answer.content, f"{answer.request.method} {path!r} {headers}")
 
+    def _upload(self, _: str) -> None:
+        """An upload, or a look at what has become of an earlier one."""
+        pick = self._random
+        if pick.random() < 0.4:
+            method = "DELETE" if pick.random() < 0.2 else "GET"
+            path = f"/meshes/{pick.choice(IDS)}{pick.choice(_VIEWS) if method == 'GET' else ''}"
+            if method == "GET" and self.jobs and pick.random() < 0.2:
+                path = f"/jobs/{pick.choice(list(self.jobs))}"
+            with self._told(f"{method} {path}"):
+                answer = self._session.request(method, self._server.url + path, headers=_WRITER, timeout=30.0)
+                self._note(answer.status_code, answer.content, f"{method} {path}")
+            return
+        upload = self._uploads.next()
+        what = f"{upload.method} {upload.path} {upload.query} with {len(upload.body)} bytes"
+        if pick.random() < 0.05:
+            self._hang_up(upload)
+            return
+        with self._told(what):
+            in_pieces = pick.random() < 0.2
+            answer = self._session.request(
+                upload.method,
+                self._server.url + upload.path,
+                params=upload.query,
+                headers=_WRITER,
+                data=_pieces(upload.body) if in_pieces and upload.body else upload.body,
+                timeout=30.0,
+            )
+            self._note(answer.status_code, answer.content, what)
+            if answer.status_code == httpx.codes.ACCEPTED:
+                self.jobs[answer.json()["id"]] = upload.intact
+                if len(self.jobs) % WAITING == 0:
+                    self._server.wait_for_jobs()  # encoding takes longer than sending
+            elif upload.intact:
+                self._server.problems.append(f"HTTP status {answer.status_code} to {what}: {answer.content[:200]!r}")
+
+    def _hang_up(self, upload: Upload) -> None:
+        """An upload whose client is gone before its end, or stands still until it is refused."""
+        length = len(upload.body) + 10
+        head = f"{upload.method} {upload.path}?filename=a.ply HTTP/1.1\r\nHost: h\r\nContent-Length: {length}\r\n"
+        head += f"Authorization: Bearer {WRITE_TOKEN}\r\n\r\n"
+        with suppress(OSError), self._connection() as connection:
+            connection.sendall(head.encode() + upload.body)
+            if self._random.random() < 0.2:
+                line = connection.recv(4096).partition(b"\r\n")[0].split()
+                self._note(int(line[1]) if len(line) > 1 else 0, b"", "an upload that stands still")
+                return
+        self._note(0, b"", "")
+
+    def judge_jobs(self) -> Counter[str]:
+        """Look at how the jobs have ended, once all have; returns how many did how."""
+        self._server.wait_for_jobs()
+        endings: Counter[str] = Counter()
+        for job_id, intact in self.jobs.items():
+            answer = self._session.get(f"{self._server.url}/jobs/{job_id}", timeout=30.0)
+            if answer.status_code == httpx.codes.NOT_FOUND:  # it went with its mesh
+                endings["gone"] += 1
+                continue
+            job = answer.json()
+            error = str(job["error"] or "")
+            endings[job["state"]] += 1
+            replaced = "a later upload" in error
+            wrong = job["state"] not in {"done", "failed"} or (intact and job["state"] == "failed" and not replaced)
+            if wrong or any(fault in error for fault in _FAULTS):
+                self._server.problems.append(f"job {job_id} is {job['state']}: {error[:300]}")
+        return endings
+
+    def _connection(self) -> socket.socket:
+        parts = urlsplit(self._server.url)
+        return socket.create_connection((parts.hostname or "", parts.port or 0), timeout=10.0)
+
     def _junk(self, path: str) -> None:
         """A request with damaged bytes, by a client that may hang up at once."""
         pick = self._random
@@ -152,8 +236,7 @@ class Fuzzer:
             request[pick.randrange(len(request))] = pick.randrange(256)
         if pick.random() < 0.3:
             del request[pick.randrange(len(request)) :]
-        parts = urlsplit(self._server.url)
-        with suppress(OSError), socket.create_connection((parts.hostname, parts.port), timeout=5.0) as connection:
+        with suppress(OSError), self._connection() as connection:
             connection.sendall(request)
             if pick.random() < 0.5:
                 connection.shutdown(socket.SHUT_WR)
@@ -174,7 +257,7 @@ class Fuzzer:
             self.unsent[type(error).__name__] += 1
 
     def _note(self, status: int, body: bytes, what: str) -> None:
-        self.sent += 1
+        self._budget.sent += 1
         self.statuses[status] += 1
         if status >= httpx.codes.INTERNAL_SERVER_ERROR and not _may_be(status, body):
             self._server.problems.append(f"HTTP status {status} to {what[:300]}: {body[:200]!r}")
@@ -189,37 +272,28 @@ def _may_be(status: int, body: bytes) -> bool:
     return False
 
 
+def _pieces(body: bytes) -> Iterator[bytes]:
+    """The body in several pieces, to be sent as chunks."""
+    step = max(1, len(body) // 3)
+    for start in range(0, len(body), step):
+        yield body[start : start + step]
+
+
 def fuzz(wanted: int, seconds: float, seed: int) -> dict[str, Any]:
     """Run, and return what was seen; `problems` is empty if nothing was wrong."""
     warnings.simplefilter("ignore")  # schemathesis's opinions of the document
-    with watched_server() as server:
-        fuzzer = Fuzzer(server, wanted, seconds, seed)
-        started = time.monotonic()
+    with watched_server(environment=_SETTINGS) as server:
+        budget = Budget(server, wanted, seconds, seed)
+        fuzzer = Fuzzer(budget)
         fuzzer.run()
-        growth = server.growth()
-        if fuzzer.sent < wanted:
-            server.problems.append(f"only {fuzzer.sent} of {wanted} requests were sent in {seconds:g} s")
-        return {
-            "requests": fuzzer.sent,
-            "seconds": round(time.monotonic() - started, 1),
-            "statuses": {str(status): count for status, count in sorted(fuzzer.statuses.items())},
-            "unsent": dict(fuzzer.unsent),
-            **growth,
-            "problems": server.problems,
-        }
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """The command; see above."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--requests", type=int, default=10_000, help="how many requests (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=900.0, help="how long at most (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of everything that is random (default: %(default)s)")
-    given_arguments = parser.parse_args(arguments)
-    result = fuzz(given_arguments.requests, given_arguments.seconds, given_arguments.seed)
-    print(json.dumps(result, indent=1))
-    return 1 if result["problems"] else 0
+        jobs = fuzzer.judge_jobs()
+        return budget.report(
+            "requests",
+            statuses={str(status): count for status, count in sorted(fuzzer.statuses.items())},
+            unsent=dict(fuzzer.unsent),
+            jobs=dict(jobs),
+        )
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_command(__doc__, "requests", fuzz))

@@ -8,26 +8,20 @@ failure: the exit code is 1 then.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import json
-import random
 import sys
-import time
 from collections import Counter
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgpack
-from watched_server import MESH, WatchedServer, watched_server
+from fuzzing import Budget, run_command
+from watched_server import MESH, watched_server
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from meshtide_codec.errors import ProtocolError
 from meshtide_codec.stream.messages import LARGEST_MESSAGE, Credit, Error, Hello, decode_message, encode_message
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 AT_ONCE = 20
 INTERNAL = 1011
@@ -38,33 +32,23 @@ class Fuzzer:
     """Opens connections and talks.
 
     Args:
-        server: the server.
-        wanted: how many messages.
-        seconds: how long at most.
-        seed: of everything that is random.
+        budget: how many messages, and for how long.
     """
 
-    def __init__(self, server: WatchedServer, wanted: int, seconds: float, seed: int) -> None:
-        self._server = server
-        self._url = server.url.replace("http", "ws", 1)
-        self._wanted = wanted
-        self._until = time.monotonic() + seconds
-        self._random = random.Random(seed)
+    def __init__(self, budget: Budget) -> None:
+        self._budget = budget
+        self._server = budget.server
+        self._url = budget.server.url.replace("http", "ws", 1)
+        self._random = budget.random
         self._noted = False
-        self.sent = 0
         self.connections = 0
         self.endings: Counter[str] = Counter()
 
-    @property
-    def done(self) -> bool:
-        """Whether there were enough messages, time, or failures."""
-        return self.sent >= self._wanted or time.monotonic() > self._until or len(self._server.problems) > 20
-
     async def run(self) -> None:
         """Send all messages."""
-        while not self.done:
+        while not self._budget.done:
             await asyncio.gather(*(self._talk() for _ in range(AT_ONCE)))
-            if not self._noted and self.sent >= self._wanted // 4:
+            if not self._noted and self._budget.sent >= self._budget.wanted // 4:
                 self._noted = True
                 await asyncio.to_thread(self._server.note)
 
@@ -79,7 +63,7 @@ class Fuzzer:
             ):
                 for _ in range(pick.randrange(1, 12)):
                     await socket.send(self._message())
-                    self.sent += 1
+                    self._budget.sent += 1
                     if pick.random() < 0.2:
                         with suppress(TimeoutError):
                             self._look_at(await asyncio.wait_for(socket.recv(), 0.2))
@@ -162,33 +146,12 @@ class Fuzzer:
 def fuzz(wanted: int, seconds: float, seed: int) -> dict[str, Any]:
     """Run, and return what was seen; `problems` is empty if nothing was wrong."""
     with watched_server("--hello-timeout", "2", "--stall-timeout", "5") as server:
-        fuzzer = Fuzzer(server, wanted, seconds, seed)
-        started = time.monotonic()
+        budget = Budget(server, wanted, seconds, seed)
+        fuzzer = Fuzzer(budget)
         asyncio.run(fuzzer.run())
-        growth = server.growth()
-        if fuzzer.sent < wanted:
-            server.problems.append(f"only {fuzzer.sent} of {wanted} messages were sent in {seconds:g} s")
-        return {
-            "messages": fuzzer.sent,
-            "connections": fuzzer.connections,
-            "seconds": round(time.monotonic() - started, 1),
-            "endings": dict(sorted(fuzzer.endings.items())),
-            **growth,
-            "problems": server.problems,
-        }
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """The command; see above."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--messages", type=int, default=10_000, help="how many messages (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=900.0, help="how long at most (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of everything that is random (default: %(default)s)")
-    given_arguments = parser.parse_args(arguments)
-    result = fuzz(given_arguments.messages, given_arguments.seconds, given_arguments.seed)
-    print(json.dumps(result, indent=1))
-    return 1 if result["problems"] else 0
+        endings = dict(sorted(fuzzer.endings.items()))
+        return budget.report("messages", connections=fuzzer.connections, endings=endings)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_command(__doc__, "messages", fuzz))

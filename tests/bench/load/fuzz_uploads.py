@@ -1,0 +1,178 @@
+"""Uploads that were made up: valid meshes of every format, the same with damage, and bytes that are no mesh at all."""
+
+from __future__ import annotations
+
+import json
+import random
+import struct
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from meshes import grid, shapes, soup
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.encoder import encode
+from meshtide_codec.files import save_mesh
+
+IDS = tuple(f"upload-{number}" for number in range(12))
+"""Ids under which meshes are put, replaced, read and deleted."""
+_FORMATS = (".ply", ".obj", ".off", ".stl", ".glb")
+_SUFFIXES = (*_FORMATS, ".tide", ".gltf", ".3mf", ".txt", "", ".PLY", ".tar.gz")
+_NUMBERS = (
+    *("nan", "inf", "-inf", "1e400", "-1e-400", "-1", "0", "1", "3", "4294967295", "2147483648", "1e308", "999999999"),
+    *("18446744073709551616", "-9223372036854775808", "0x10", "1_0", "\u0663", "", "1.5", "a"),
+)
+_VALUES = (None, True, -1, 0, 1, 2, 1.5, 2**31, 2**53, 2**64, float("inf"), "", "VEC3", "x" * 300, [], [[]], {}, [0, 0])
+_QUERIES: dict[str, tuple[Any, ...]] = {
+    "bits": (1, 4, 8, 12, 16, 24, 30, 31, -1, "x"),
+    "profile": ("compact", "classic", "other"),
+    "tag": ("scan", ["a", "b", "a"], ["x"] * 60, "\x00", "x" * 200, ""),
+    "licence": ("CC0", "\x00", "ü" * 300, "<script>"),
+    "other": ("ignored",),
+}
+_NAMES = ("scan", "a b", "../../etc/passwd", "ü", "x" * 190, "x" * 300, ".", "..", "\x00", "a\nb", "%2e%2e", "con")
+
+
+@dataclass(frozen=True)
+class Upload:
+    """One request that uploads something.
+
+    Args:
+        method: POST or PUT.
+        path: of the request.
+        query: its parameters.
+        body: what is sent.
+        intact: whether it is a mesh as it should be, under a name and with parameters as they should be.
+    """
+
+    method: str
+    path: str
+    query: dict[str, Any]
+    body: bytes
+    intact: bool
+
+
+class Uploads:
+    """Makes uploads.
+
+    Args:
+        pick: where all chance comes from.
+    """
+
+    def __init__(self, pick: random.Random) -> None:
+        self._pick = pick
+        self._files = [*_mesh_files(), *_streams()]
+
+    def next(self) -> Upload:
+        """One more."""
+        pick = self._pick
+        suffix, body = pick.choice(self._files)
+        kind = pick.random()
+        intact = kind < 0.25
+        if kind > 0.9:
+            body = pick.randbytes(pick.choice((0, 1, 84, 3000)))
+        elif not intact:
+            body = self._damaged(suffix, body)
+        name = "scan"
+        query: dict[str, Any] = {"bits": pick.choice((6, 8, 10))}
+        if pick.random() < 0.15:
+            intact = False
+            name, suffix = pick.choice(_NAMES), pick.choice(_SUFFIXES)
+            query = {key: pick.choice(_QUERIES[key]) for key in pick.sample(sorted(_QUERIES), pick.randrange(4))}
+        query["filename"] = name + suffix
+        if pick.random() < 0.5:
+            return Upload("POST", "/meshes", query, body, intact)
+        return Upload("PUT", f"/meshes/{pick.choice(IDS)}", query, body, intact)
+
+    def _damaged(self, suffix: str, body: bytes) -> bytes:
+        for _ in range(self._pick.randrange(1, 4)):
+            if suffix == ".glb" and self._pick.random() < 0.6:
+                body = self._other_json(body)
+            elif suffix != ".tide" and self._pick.random() < 0.5:
+                body = self._other_words(body)
+            else:
+                body = self._other_bytes(body)
+        return body
+
+    def _other_bytes(self, body: bytes) -> bytes:
+        """Some bytes changed, gone, doubled, or the end cut off."""
+        pick = self._pick
+        data = bytearray(body)
+        place = pick.randrange(len(data) + 1)
+        length = pick.choice((1, 2, 4, 12, 50, 1000))
+        match pick.randrange(5):
+            case 0:
+                for _ in range(pick.choice((1, 1, 5, 100)) if data else 0):
+                    data[pick.randrange(len(data))] = pick.randrange(256)
+            case 1:
+                del data[place : place + length]
+            case 2:
+                data[place:place] = data[place : place + length]
+            case 3:
+                data[place:place] = pick.randbytes(length)
+            case _:
+                del data[place:]
+        return bytes(data)
+
+    def _other_words(self, body: bytes) -> bytes:
+        """Words of a text file, or of a header, replaced by odd numbers; or lines in another order."""
+        pick = self._pick
+        lines = body.split(b"\n")
+        index = pick.randrange(min(len(lines), pick.choice((12, len(lines)))))
+        if pick.random() < 0.2:
+            other = pick.randrange(len(lines))
+            lines[index], lines[other] = lines[other], lines[index]
+            return b"\n".join(lines)
+        words = lines[index].split(b" ")
+        words[pick.randrange(len(words))] = pick.choice(_NUMBERS).encode()
+        lines[index] = b" ".join(words)
+        return b"\n".join(lines)
+
+    def _other_json(self, body: bytes) -> bytes:
+        """A GLB file of which one value of its JSON is another one; its frame is right."""
+        try:
+            length = struct.unpack_from("<I", body, 12)[0]
+            document = json.loads(body[20 : 20 + length])
+        except (struct.error, ValueError):
+            return self._other_bytes(body)
+        holder, key = self._pick.choice([*_places(document)] or [(document, "asset")])
+        if self._pick.random() < 0.2:
+            del holder[key]
+        else:
+            holder[key] = self._pick.choice(_VALUES)
+        text = json.dumps(document).encode()
+        text += b" " * (-len(text) % 4)
+        rest = body[20 + length :]
+        head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
+        return head + text + rest
+
+
+def _places(value: Any) -> list[tuple[Any, Any]]:
+    """Every place in a JSON document where a value stands."""
+    keys = list(value) if isinstance(value, dict) else list(range(len(value))) if isinstance(value, list) else []
+    return [place for key in keys for place in ((value, key), *_places(value[key]))]
+
+
+def _mesh_files() -> list[tuple[str, bytes]]:
+    """Small meshes of all kinds in all formats: suffix and content of each file."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for mesh in (*(make() for make in shapes().values()), grid(5), soup(20, 30, seed=1)):
+            for suffix in _FORMATS if len(mesh.faces) else (".ply",):
+                path = Path(folder) / f"mesh{suffix}"
+                save_mesh(mesh, path)
+                found.append((suffix, path.read_bytes()))
+            rows = "\n".join(" ".join(map(str, row)) for row in mesh.vertices.tolist())
+            faces = "\n".join("3 " + " ".join(map(str, row)) for row in mesh.faces.tolist())
+            head = "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+            head += "element face {}\nproperty list uchar int vertex_indices\nend_header\n"
+            found.append((".ply", f"{head.format(len(mesh.vertices), len(mesh.faces))}{rows}\n{faces}\n".encode()))
+    return found
+
+
+def _streams() -> list[tuple[str, bytes]]:
+    return [(".tide", encode(mesh, CompactOptions(bits=8)).to_bytes()) for mesh in (grid(6), grid(12))]
