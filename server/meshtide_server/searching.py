@@ -64,11 +64,11 @@ class Search:
         record, header = mesh.record, mesh.stream.header if mesh.stream else None
         tags = record.tags if record else ()
         words = "\n".join((mesh.id, mesh.source.name, *tags)).casefold()
-        terms = record.licence.casefold() if record else ""
+        terms = record.licence.lower() if record else ""
         created = record.created if record else None
         return (
             all(word in words for word in self.text.casefold().split())
-            and all(word in terms for word in self.licence.casefold().split())
+            and all(word in terms for word in self.licence.lower().split())
             and set(self.tags) <= set(tags)
             and self.status in {None, mesh.status}
             and _within(mesh.stream.size if mesh.stream else None, self.smallest, self.largest)
