@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from meshtide_client.ingest_plan import Ingested
 
-STATES = ("done", "kept", "failed")
+STATES = ("done", "kept", "failed", "left")
 
 
 class IngestDisplay:
@@ -54,7 +54,7 @@ class IngestDisplay:
 
 
 def print_ingested(results: Sequence[Ingested], place: dict[str, str], *, as_json: bool) -> int:
-    """Print what became of all files; returns how many failed.
+    """Print what became of all files; returns how many were not ingested.
 
     Args:
         results: of all files.
@@ -66,5 +66,6 @@ def print_ingested(results: Sequence[Ingested], place: dict[str, str], *, as_jso
         rows = [{"file": str(row.file), "mesh": row.mesh, "state": row.state, "error": row.error} for row in results]
         typer.echo(json.dumps({**place, **counts, "files": rows}))
     else:
-        typer.echo(f"{counts['done']} ingested, {counts['kept']} there before, {counts['failed']} failed")
-    return counts["failed"]
+        left = f", {counts['left']} not begun" if counts["left"] else ""
+        typer.echo(f"{counts['done']} ingested, {counts['kept']} there before, {counts['failed']} failed{left}")
+    return counts["failed"] + counts["left"]

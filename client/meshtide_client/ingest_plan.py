@@ -51,8 +51,8 @@ class Ingested:
     Args:
         file: itself.
         mesh: id of its mesh, or None if there is none.
-        state: "done", "failed", or "kept" for one whose content was there already.
-        error: why it failed.
+        state: "done", "kept" for one whose content was there already, "failed", or "left" for one that was not begun.
+        error: why it failed or was left.
     """
 
     file: Path
@@ -147,7 +147,7 @@ class IngestPlan:
         """Tell of the files whose content another one has, once it is known what became of that one."""
         for file, first in self._twins.items():
             result = results[first]
-            self._tell(replace(result, file=file, state=FAILED if result.state == FAILED else "kept"))
+            self._tell(replace(result, file=file, state=result.state if result.error else "kept"))
 
     def _to_replace(self, file: Path, same: Known | None) -> str | None:
         """The id of the mesh that `file` replaces; no mesh is replaced by two files."""

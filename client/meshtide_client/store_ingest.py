@@ -42,7 +42,7 @@ class StoreIngest(Protocol):
 
         Args:
             files: taken one by one, when there is somebody to encode them.
-            tell: is told of each file that is through: itself, its mesh, "done", "kept" or "failed", and why it failed.
+            tell: is told of each file that is through: itself, its mesh, the state and the error of `Ingested`.
             stage: is told what is being done, now and then.
 
         Raises:

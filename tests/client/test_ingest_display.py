@@ -18,12 +18,16 @@ RESULTS = [
 def test_the_end_is_a_line_or_a_json_object(capsys: pytest.CaptureFixture[str]) -> None:
     assert print_ingested(RESULTS, {"store": "kept"}, as_json=False) == 1
     assert capsys.readouterr().out == "1 ingested, 1 there before, 1 failed\n"
+    left = [*RESULTS, Ingested(Path("c.ply"), None, "left", "not begun: the disk is full")]
+    assert print_ingested(left, {}, as_json=False) == 2
+    assert capsys.readouterr().out == "1 ingested, 1 there before, 1 failed, 1 not begun\n"
     assert print_ingested(RESULTS[:2], {"store": "kept"}, as_json=True) == 0
     assert json.loads(capsys.readouterr().out) == {
         "store": "kept",
         "done": 1,
         "kept": 1,
         "failed": 0,
+        "left": 0,
         "files": [
             {"file": "a.ply", "mesh": "a", "state": "done", "error": None},
             {"file": "b.ply", "mesh": "a", "state": "kept", "error": None},

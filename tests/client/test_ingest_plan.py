@@ -127,13 +127,14 @@ def test_a_file_that_cannot_be_read_is_told_and_stops_no_other(make: Callable[..
     assert "cannot be read" in (told[0].error or "")
 
 
-def test_a_twin_shares_the_failure(make: Callable[..., list[Path]]) -> None:
+@pytest.mark.parametrize("state", ["failed", "left"])
+def test_a_twin_shares_the_failure(make: Callable[..., list[Path]], state: str) -> None:
     files = make(a_ply="one", b_ply="one")
     told: list[Ingested] = []
     plan = IngestPlan(files, [], replace=False, tell=told.append)
     assert len(list(plan.to_send())) == 1
-    plan.tell_twins({files[0]: Ingested(files[0], None, "failed", "too large")})
-    assert told == [Ingested(files[1], None, "failed", "too large")]
+    plan.tell_twins({files[0]: Ingested(files[0], None, state, "too large")})
+    assert told == [Ingested(files[1], None, state, "too large")]
 
 
 @given(contents=st.lists(st.sampled_from("abcde"), min_size=1, max_size=12), replace=st.booleans(), data=st.data())

@@ -72,7 +72,7 @@ async def test_workers_that_do_not_see_a_file_are_sent_it_and_a_cluster_that_goe
         here[0].write_text("something else")
         assert await dask.encode(task) == FileOutcome(elsewhere=True)
         cluster.stop()
-        with pytest.raises(TransferError, match="lost|has had no worker"):
+        with pytest.raises(TransferError, match="the connection to the Dask scheduler was lost"):
             await dask.encode(task_for(files[1]))
     finally:
         await dask.close()
@@ -96,6 +96,7 @@ class Client:
     def __init__(self, *results: FileOutcome | Exception, threads: int = 2) -> None:
         self.results = list(results)
         self.threads = threads
+        self.status = "running"
         self.released = 0
 
     def submit(self, *_: Any, pure: bool) -> Client:
@@ -117,7 +118,7 @@ class Client:
         return {"tcp://worker:1": self.threads}
 
     async def close(self) -> None:
-        self.threads = 0
+        self.status = "closed"
 
 
 async def encoded(client: Client, file: Path, patience: float = 30.0) -> FileOutcome:
@@ -146,6 +147,21 @@ async def test_a_cluster_that_has_lost_its_workers_is_not_waited_for_for_ever(
     client = Client(threads=0)
     with pytest.raises(TransferError, match="has had no worker for 0.05 s"):
         await encoded(client, small_meshes(tmp_path, 1)[0], 0.05)
+    assert client.released == 1
+
+
+async def test_a_client_that_has_closed_takes_no_more_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "WATCH_SECONDS", 0.01)
+    file = small_meshes(tmp_path, 1)[0]
+    client = Client()
+    client.status = "closed"
+    with pytest.raises(TransferError, match="the connection to the Dask scheduler was lost; run it again"):
+        await encoded(client, file)
+    assert client.released == 0
+    client = Client()
+    asyncio.get_running_loop().call_later(0.05, lambda: setattr(client, "status", "closed"))
+    with pytest.raises(TransferError, match="the connection to the Dask scheduler was lost; run it again"):
+        await encoded(client, file)
     assert client.released == 1
 
 

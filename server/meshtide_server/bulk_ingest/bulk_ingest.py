@@ -115,7 +115,7 @@ class BulkIngest:
 
         Args:
             files: taken one by one, in another thread, when there is somebody to encode them.
-            tell: is told of each file that is through: itself, its mesh, "done", "kept" or "failed", and why it failed.
+            tell: is told of each file that is through: itself, its mesh, "done", "kept", "failed" or "left", and why.
             stage: is told what a worker of this machine does, now and then.
 
         Raises:

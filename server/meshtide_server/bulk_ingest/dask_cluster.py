@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import logging
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Self
 
@@ -31,6 +32,7 @@ WATCH_SECONDS = 1.0
 SUBMISSIONS = 2
 FEWEST_WAITING = 32
 """Tasks that wait at the scheduler at least, so that a cluster that grows by demand sees some."""
+LOST = "the connection to the Dask scheduler was lost; run it again"
 CONTENT_BYTES = 256 << 20
 """Content of files that is on its way, or kept by the scheduler, at a time; one file may be larger."""
 
@@ -64,6 +66,7 @@ class DaskCluster:
             OptionError: it is no address of a scheduler.
             TransferError: there is no scheduler, or it has no workers.
         """
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a lost connection is told by this class
         dask.config.set({"distributed.admin.large-graph-warning-threshold": CONTENT_BYTES * 1024})
         client: Any = Client(address, asynchronous=True, timeout=patience, set_as_default=False)
         try:
@@ -122,6 +125,8 @@ class DaskCluster:
     async def _submit(self, task: FileTask, content: bytes | None) -> FileOutcome:
         killed = FileOutcome()
         for _ in range(SUBMISSIONS):
+            if self._client.status != "running":
+                raise TransferError(LOST)
             future = self._client.submit(encode_file, task, content, pure=False)
             result = asyncio.ensure_future(future.result())
             try:
@@ -132,7 +137,7 @@ class DaskCluster:
             except KilledWorker as error:
                 killed = FileOutcome(error=f"the workers died that encoded it: {error}")
             except TaskCancelledError as error:
-                raise TransferError(f"the Dask scheduler was lost: {error}") from error
+                raise TransferError(LOST) from error
             else:
                 return outcome
             finally:
@@ -144,7 +149,7 @@ class DaskCluster:
         """Count the cluster's threads; ends with an error once it is lost."""
         loop = asyncio.get_running_loop()
         seen = loop.time()
-        while True:
+        while self._client.status != "closed":  # it tries to connect again for a while
             try:
                 threads = sum((await self._client.nthreads()).values())
             except OSError:
@@ -154,3 +159,4 @@ class DaskCluster:
             elif loop.time() - seen > self._patience:
                 raise TransferError(f"the Dask cluster has had no worker for {self._patience:g} s; run it again")
             await asyncio.sleep(WATCH_SECONDS)
+        raise TransferError(LOST)

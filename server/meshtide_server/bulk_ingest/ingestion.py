@@ -84,7 +84,7 @@ class Ingestion:
         tags: of all meshes.
         licence: the text of their terms.
         taken: ids that are not free.
-        tell: is told of each file that is through: itself, its mesh, "done", "kept" or "failed", and why it failed.
+        tell: is told of each file that is through: itself, its mesh, "done", "kept", "failed" or "left", and why.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class Ingestion:
     async def _ingest(self, chosen: ChosenFile, mesh_id: str) -> None:
         """Publish a file, and tell what became of it."""
         if self._stopped is not None:
-            self._tell(chosen.file, None, "failed", f"not begun: {self._stopped}")
+            self._tell(chosen.file, None, "left", f"not begun: {self._stopped}")
             return
         try:
             found, state = await self._published(chosen, mesh_id)
