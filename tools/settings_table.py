@@ -44,7 +44,13 @@ def serve_options() -> dict[str, str]:
     app.command("unused")(lambda: None)
     group: Any = typer.main.get_command(app)
     command = group.commands["serve"]
-    names = {"allow_origin": "allowed_origins"}
+    names = {
+        "allow_origin": "allowed_origins",
+        "allow_method": "allowed_methods",
+        "allow_header": "allowed_headers",
+        "unlimited_client": "unlimited_clients",
+        "trusted_proxy": "trusted_proxies",
+    }
     found = {}
     for parameter in command.params:
         setting = names.get(parameter.name, parameter.name)

@@ -40,6 +40,7 @@ EXPOSED_HEADERS = (
     "Content-Length",
     "Content-Range",
     "ETag",
+    "Link",
     "Location",
     "Retry-After",
     "WWW-Authenticate",

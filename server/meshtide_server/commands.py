@@ -91,6 +91,16 @@ def serve(
     metrics: Annotated[
         str | None, typer.Option(help="Who may read /metrics: read, open or off.", show_default="read")
     ] = None,
+    assigned: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Any other setting, such as max_upload=1000000. May be repeated."
+        ),
+    ] = None,
+    settings_file: Annotated[
+        Path | None,
+        typer.Option("--settings", envvar="MESHTIDE_SETTINGS_FILE", help="TOML file of settings; see below."),
+    ] = None,
     announce: Annotated[
         bool, typer.Option("--announce", help='Print {"url": ...} on standard output once the server listens.')
     ] = False,
@@ -100,7 +110,17 @@ def serve(
 ) -> None:
     """Host meshes: each one is encoded once, then served as a file and as a stream.
 
-    Options can also be set by environment variables, such as MESHTIDE_PORT; arguments win.
+    Example: meshtide serve meshes/
+
+    Example: MESHTIDE_WRITE_TOKENS_FILE=tokens meshtide serve --data kept/ --host 0.0.0.0 --set max_upload=100000000
+
+    Each setting can be given as an argument, by an environment variable, such as MESHTIDE_PORT, or in a TOML file, such
+    as port = 8000; the first of these wins. Settings without an option of their own, for --set, environment and file:
+    database_file, catalogue_seconds, store_cache_mib, write_tokens_file, read_tokens_file, max_upload,
+    upload_stall_timeout, max_vertices, max_faces, max_decode_memory, job_processes, job_seconds, job_processor_seconds,
+    job_lost_seconds, job_memory, shutdown_timeout, max_message. For environment and file only, as secrets:
+    database, write_tokens, read_tokens. docs/operate.md tells what each of them means.
+
     SIGTERM and Ctrl-C end it politely, with exit code 0: it takes no new streams and lets running ones end; a second
     signal ends it at once.
     """
@@ -108,7 +128,7 @@ def serve(
 
     from meshtide_server.logs import set_up_log
     from meshtide_server.serving import run
-    from meshtide_server.settings import Settings
+    from meshtide_server.settings_sources import load_settings
 
     given: dict[str, Any] = {
         "directory": directory,
@@ -139,7 +159,11 @@ def serve(
         "metrics": metrics,
     }
     try:
-        settings = Settings(**{name: value for name, value in given.items() if value is not None})
+        settings = load_settings(
+            {name: value for name, value in given.items() if value is not None},
+            assigned=assigned or (),
+            file=settings_file,
+        )
     except ValidationError as error:
         raise typer.BadParameter(explanation(error)) from None
     set_up_log(settings.log_level, settings.log_format)

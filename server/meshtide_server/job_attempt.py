@@ -165,7 +165,11 @@ class JobAttempt:
                 faces=self._settings.max_faces,
                 memory=self._settings.max_decode_memory,
             )
-            await publish(store, catalogue, stream, _publication(mesh), limits=limits, job=(self._job.id, self._owner))
+            owned = (self._job.id, self._owner)
+            shown = await publish(store, catalogue, stream, _publication(mesh), limits=limits, job=owned)
+            logger.info(
+                "%s is ready: %d vertices, %d faces, %d bytes", mesh.id, shown.vertices, shown.faces, shown.size
+            )
 
     async def _fetch(self, target: Path) -> None:
         """Copy an object of the store to a file, a piece at a time: an upload may be larger than memory."""

@@ -136,6 +136,12 @@ def test_what_compose_sets_makes_a_catalogue(tmp_path: Path) -> None:
         assert (listed["id"], listed["status"], listed["vertices"]) == ("a", "ready", 4)
         streams = {httpx.get(f"{url}/meshes/a.tide").content for url in servers}
         assert {len(stream) for stream in streams} == {listed["bytes"]}
+        packed = httpx.get(f"{proxy}/meshes/a", headers={"Accept-Encoding": "gzip"})
+        assert packed.headers["content-encoding"] == "gzip"
+        held = {"If-None-Match": packed.headers["etag"], "Accept-Encoding": "gzip"}
+        assert httpx.get(f"{proxy}/meshes/a", headers=held).status_code == 304
+        plain = httpx.get(f"{proxy}/meshes/a.tide", headers={"Accept-Encoding": "gzip"})
+        assert ("content-encoding" in plain.headers, plain.content in streams) == (False, True)
         for hidden in ("/metrics", "/readyz"):
             assert httpx.get(proxy + hidden).status_code == 404
         assert "meshtide_store_read_bytes_total" in httpx.get(f"{servers[0]}/metrics").text

@@ -86,6 +86,34 @@ def test_help_names_every_option(app: typer.Typer) -> None:
         assert option in output
 
 
+def test_help_names_every_setting(app: typer.Typer) -> None:
+    output = plain(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).output)
+    options = {"allowed_origins": "--allow-origin", "allowed_methods": "--allow-method"}
+    options |= {"allowed_headers": "--allow-header", "directory": "[directory]"}
+    options |= {"unlimited_clients": "--unlimited-client", "trusted_proxies": "--trusted-proxy"}
+    for name in Settings.model_fields:
+        option = options.get(name, f"--{name.replace('_', '-')}")
+        assert (option in output) != bool(re.search(rf"\b{name}[,.]", output)), name
+    assert "Example: meshtide serve meshes/" in output
+
+
+def test_all_sources_together(
+    app: typer.Typer,
+    runs: list[tuple[Settings, bool, Path | None]],
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (tmp_path / "settings.toml").write_text('port = 1\nhost = "::1"\nmax_upload = 5\nallowed_origins = ["https://a"]\n')
+    monkeypatch.setenv("MESHTIDE_SETTINGS_FILE", str(tmp_path / "settings.toml"))
+    monkeypatch.setenv("MESHTIDE_HOST", "127.0.0.2")
+    result = CliRunner().invoke(app, [str(folder), "--port", "3", "--set", "max-vertices = 7"])
+    assert result.exit_code == 0, result.output
+    ((settings, _, _),) = runs
+    assert (settings.port, settings.host, settings.max_upload, settings.max_vertices) == (3, "127.0.0.2", 5, 7)
+    assert settings.allowed_origins == ("https://a",)
+
+
 def test_registering_is_cheap() -> None:
     program = (
         "import sys, meshtide_server.commands; "
