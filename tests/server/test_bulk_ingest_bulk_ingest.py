@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from typing import TYPE_CHECKING, Any
 
 import psutil
@@ -88,3 +90,11 @@ def test_a_store_or_a_cluster_that_cannot_be_used_is_told_at_once(tmp_path: Path
     (tmp_path / "file").write_text("")
     with pytest.raises(TransferError, match="nothing can be kept in"):
         BulkIngest(store=str(tmp_path / "file"), database=f"sqlite:///{tmp_path}/a.db").run([], lambda *_: None)
+
+
+def test_without_dask_the_error_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    monkeypatch.delitem(sys.modules, "meshtide_server.bulk_ingest.dask_cluster", raising=False)
+    work = BulkIngest(data=tmp_path / "kept", scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(OptionError, match=re.escape("pip install 'meshtide[dask]'")):
+        work.run([], lambda *_: None)
