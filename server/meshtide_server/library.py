@@ -12,7 +12,7 @@ import logging
 import tempfile
 import time
 from collections import Counter
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -42,7 +42,7 @@ from meshtide_server.stream_cache import (
 from meshtide_server.uploads import collect_orphans
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from meshtide_server.searching import Search
     from meshtide_server.settings import Settings
@@ -210,6 +210,18 @@ class Library:
         self._unfinished -= 1
         self._note_if_settled()
 
+    @contextmanager
+    def _failing(self, mesh: HostedMesh, doing: str) -> Iterator[None]:
+        """What goes wrong in the block becomes the mesh's state, and stops no other."""
+        try:
+            yield
+        except (MeshtideError, OSError) as error:
+            self._finish(mesh, str(error))
+        except Exception as error:
+            logger.exception("while %s was %s", mesh.id, doing)
+            metrics.fault("library")
+            self._finish(mesh, f"internal error: {type(error).__name__}")
+
     # Meshes of store and catalogue
 
     async def _open_kept(self) -> None:
@@ -286,14 +298,8 @@ class Library:
         while True:
             mesh = await self._to_check.get()
             mesh.advance("check")
-            try:
+            with self._failing(mesh, "checked"):
                 await self._check(mesh)
-            except (MeshtideError, OSError) as error:
-                self._finish(mesh, str(error))
-            except Exception as error:
-                logger.exception("while %s was checked", mesh.id)
-                metrics.fault("library")
-                self._finish(mesh, f"internal error: {type(error).__name__}")
             self.looked_through |= self._to_check.empty()
 
     async def _check(self, mesh: HostedMesh) -> None:
@@ -353,14 +359,8 @@ class Library:
                 self._unfinished -= 1
                 self._note_if_settled()
                 continue
-            try:
+            with self._failing(mesh, "encoded"):
                 await self._encode(mesh, place, digest)
-            except (MeshtideError, OSError) as error:
-                self._finish(mesh, str(error))
-            except Exception as error:
-                logger.exception("while %s was encoded", mesh.id)
-                metrics.fault("library")
-                self._finish(mesh, f"internal error: {type(error).__name__}")
             if self._unfinished == 0:
                 await self._encoder.close()  # it holds memory, and there is nothing for it to do
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import TYPE_CHECKING, Any
 
+import httpx
 import pytest
 
 from meshtide_codec.stream.container import write_container
@@ -19,9 +20,13 @@ from meshtide_server.app import create_app
 from meshtide_server.serving import Announcement, Server, bind, configuration, url_of
 from meshtide_server.settings import Settings
 
+from .databases import catalogue, database_url, postgresql  # noqa: F401 - fixtures
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import AsyncIterator, Callable, Iterator
     from pathlib import Path
+
+    from fastapi import FastAPI
 
 TETRAHEDRON = """\
 v 0 0 0
@@ -73,6 +78,24 @@ def folder(tmp_path: Path) -> Path:
     path.mkdir()
     (path / "small.tide").write_bytes(make_stream())
     return path
+
+
+@pytest.fixture
+async def app(folder: Path) -> AsyncIterator[FastAPI]:
+    """An application that hosts the folder, its meshes settled; without a socket."""
+    application = create_app(Settings(directory=folder, rescan_seconds=0))
+    async with application.router.lifespan_context(application):
+        await application.state.library.settled()
+        yield application
+
+
+@pytest.fixture
+async def client(app: FastAPI) -> AsyncIterator[httpx.AsyncClient]:
+    """A client of `app`, which asks for compressed answers as browsers do."""
+    headers = {"Accept-Encoding": "gzip, deflate, br"}
+    transport = httpx.ASGITransport(app)
+    async with httpx.AsyncClient(transport=transport, base_url="http://test", headers=headers) as made:
+        yield made
 
 
 @pytest.fixture(autouse=True)

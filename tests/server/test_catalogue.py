@@ -1,21 +1,13 @@
 import asyncio
-from collections.abc import AsyncIterator
 from datetime import timedelta
 
 import pytest
 
 from meshtide_server.catalogue import Catalogue, MeshExistsError, MeshRecord, MeshState, StreamRecord, UnknownMeshError
 
-from .catalogues import database_url, postgresql, stream_record  # noqa: F401 - fixtures
+from .catalogues import stream_record
 
 NO_TIME = timedelta(0)
-
-
-@pytest.fixture
-async def catalogue(database_url: str) -> AsyncIterator[Catalogue]:  # noqa: F811
-    opened = await Catalogue.open(database_url)
-    yield opened
-    await opened.close()
 
 
 class Objects:

@@ -1,6 +1,5 @@
 import asyncio
 import sys
-from collections.abc import AsyncIterator
 from datetime import timedelta
 
 import pytest
@@ -16,16 +15,7 @@ from meshtide_server.catalogue import (
     UnknownMeshError,
 )
 
-from .catalogues import database_url, postgresql  # noqa: F401 - fixtures
-
 NO_TIME = timedelta(0)
-
-
-@pytest.fixture
-async def catalogue(database_url: str) -> AsyncIterator[Catalogue]:  # noqa: F811
-    opened = await Catalogue.open(database_url)
-    yield opened
-    await opened.close()
 
 
 async def queued(catalogue: Catalogue, mesh_id: str = "a") -> Job:
@@ -186,7 +176,7 @@ asyncio.run(work())
 """
 
 
-async def test_claimers_of_several_processes_share_the_jobs(catalogue: Catalogue, database_url: str) -> None:  # noqa: F811
+async def test_claimers_of_several_processes_share_the_jobs(catalogue: Catalogue, database_url: str) -> None:
     expected = {(await queued(catalogue, f"m{number}")).id for number in range(20)}
     claimers = [
         await asyncio.create_subprocess_exec(

@@ -1,4 +1,3 @@
-from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -16,15 +15,6 @@ from meshtide_server.catalogue import (
     UnknownMeshError,
 )
 from meshtide_server.catalogue.meshes import micros, moment
-
-from .catalogues import database_url, postgresql  # noqa: F401 - fixtures
-
-
-@pytest.fixture
-async def catalogue(database_url: str) -> AsyncIterator[Catalogue]:  # noqa: F811
-    opened = await Catalogue.open(database_url)
-    yield opened
-    await opened.close()
 
 
 def mesh(number: int) -> MeshRecord:

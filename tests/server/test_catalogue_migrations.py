@@ -9,10 +9,8 @@ from meshtide_server.catalogue.database import Database, checked_url
 from meshtide_server.catalogue.migrations import STEPS, migrate
 from meshtide_server.catalogue.tables import metadata
 
-from .catalogues import database_url, postgresql  # noqa: F401 - fixtures
 
-
-async def test_the_migrations_make_the_tables_that_the_code_knows(database_url: str) -> None:  # noqa: F811
+async def test_the_migrations_make_the_tables_that_the_code_knows(database_url: str) -> None:
     database = Database(database_url)
     async with database.writing() as connection:
         await migrate(connection)
@@ -38,7 +36,7 @@ async def test_the_migrations_make_the_tables_that_the_code_knows(database_url: 
     }
 
 
-async def test_servers_that_start_together_migrate_once(database_url: str) -> None:  # noqa: F811
+async def test_servers_that_start_together_migrate_once(database_url: str) -> None:
     catalogues = await asyncio.gather(*(Catalogue.open(database_url) for _ in range(6)))
     await catalogues[0].meshes.add(MeshRecord("a", "a.obj"))
     assert [len((await each.meshes.list(MeshQuery())).meshes) for each in catalogues] == [1] * 6
@@ -46,7 +44,7 @@ async def test_servers_that_start_together_migrate_once(database_url: str) -> No
         await each.close()
 
 
-async def test_a_newer_schema_is_refused(database_url: str) -> None:  # noqa: F811
+async def test_a_newer_schema_is_refused(database_url: str) -> None:
     database = Database(database_url)
     newer = (*STEPS, ("CREATE TABLE later (id INTEGER)",))
     async with database.writing() as connection:
@@ -56,7 +54,7 @@ async def test_a_newer_schema_is_refused(database_url: str) -> None:  # noqa: F8
         await Catalogue.open(database_url)
 
 
-async def test_a_step_that_fails_leaves_the_schema_as_it_was(database_url: str) -> None:  # noqa: F811
+async def test_a_step_that_fails_leaves_the_schema_as_it_was(database_url: str) -> None:
     catalogue = await Catalogue.open(database_url)
     await catalogue.close()
     database = Database(database_url)

@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
 from datetime import timedelta
 
 import pytest
 
 from meshtide_server.catalogue import Catalogue, MeshExistsError, MeshRecord
 
-from .catalogues import database_url, postgresql  # noqa: F401 - fixtures
-
 KEY = "sources/a.obj"
 NO_TIME = timedelta(0)
 LONG = timedelta(hours=1)
-
-
-@pytest.fixture
-async def catalogue(database_url: str) -> AsyncIterator[Catalogue]:  # noqa: F811
-    opened = await Catalogue.open(database_url)
-    yield opened
-    await opened.close()
 
 
 async def collected(catalogue: Catalogue, key: str = KEY) -> bool:

@@ -1,5 +1,5 @@
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,7 +15,6 @@ from meshtide_server.store import DamagedObjectError, Store, StoreError, stream_
 from meshtide_server.store.local import LocalStore
 from meshtide_server.store.memory import MemoryStore
 
-from .catalogues import database_url, postgresql  # noqa: F401 - fixtures
 from .conftest import make_stream
 
 
@@ -26,13 +25,6 @@ class CountingStore(MemoryStore):
         self.reads += 1
         await asyncio.sleep(0)
         return await super().get_range(key, start, end)
-
-
-@pytest.fixture
-async def catalogue(database_url: str) -> AsyncIterator[Catalogue]:  # noqa: F811
-    opened = await Catalogue.open(database_url)
-    yield opened
-    await opened.close()
 
 
 @pytest.fixture(params=["memory", "local"])
@@ -283,7 +275,7 @@ async def test_what_is_in_memory_is_shown_without_the_catalogue(
 async def test_two_servers_see_each_others_meshes(
     store: Store,
     catalogue: Catalogue,
-    database_url: str,  # noqa: F811
+    database_url: str,
 ) -> None:
     second_catalogue = await Catalogue.open(database_url)
     first, second = kept_of(store, catalogue), kept_of(store, second_catalogue)

@@ -1,4 +1,3 @@
-from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
@@ -27,10 +26,8 @@ BUNNY = Publication("bunny", "bunny.obj", ("scan", "animal", "scan"), "CC0", "ab
 
 
 @pytest.fixture
-async def catalogue(tmp_path: Path) -> AsyncIterator[Catalogue]:
-    opened = await Catalogue.open(f"sqlite:///{tmp_path}/catalogue.db")
-    yield opened
-    await opened.close()
+def database_url(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path}/catalogue.db"
 
 
 @pytest.fixture(params=["memory", "local"])

@@ -1,4 +1,3 @@
-from collections.abc import AsyncIterator
 from pathlib import Path
 from zlib import crc32
 
@@ -6,27 +5,11 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from meshtide_server.app import create_app
 from meshtide_server.hosted_mesh import Source
-from meshtide_server.settings import Settings
 
 from .conftest import make_stream
 
 WHOLE = make_stream()
-
-
-@pytest.fixture
-async def app(folder: Path) -> AsyncIterator[FastAPI]:
-    application = create_app(Settings(directory=folder, rescan_seconds=0))
-    async with application.router.lifespan_context(application):
-        await application.state.library.settled()
-        yield application
-
-
-@pytest.fixture
-async def client(app: FastAPI) -> AsyncIterator[httpx.AsyncClient]:
-    async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://test") as made:
-        yield made
 
 
 async def test_health_counts_meshes(client: httpx.AsyncClient) -> None:

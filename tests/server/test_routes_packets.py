@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,22 +21,6 @@ WHOLE = make_stream()
 HEADER, PACKETS = read_container(WHOLE)
 DIGESTS = [hashlib.sha256(packet.payload).hexdigest() for packet in PACKETS]
 READ = "token-for-reading-0"
-
-
-@pytest.fixture
-async def app(folder: Path) -> AsyncIterator[FastAPI]:
-    application = create_app(Settings(directory=folder, rescan_seconds=0))
-    async with application.router.lifespan_context(application):
-        await application.state.library.settled()
-        yield application
-
-
-@pytest.fixture
-async def client(app: FastAPI) -> AsyncIterator[httpx.AsyncClient]:
-    headers = {"Accept-Encoding": "gzip, deflate, br"}
-    transport = httpx.ASGITransport(app)
-    async with httpx.AsyncClient(transport=transport, base_url="http://test", headers=headers) as made:
-        yield made
 
 
 async def test_the_detail_names_each_packet(client: httpx.AsyncClient) -> None:

@@ -15,8 +15,6 @@ from meshtide_server.hosted_mesh import Status
 from meshtide_server.kept_meshes import shown
 from meshtide_server.searching import Search
 
-from .catalogues import database_url, postgresql  # noqa: F401 - fixtures
-
 WORDS = st.text("aAbäÄßéÉ%_\\ '\"1-", max_size=6)
 TAGS = st.sampled_from(["clay", "Clay", "bone", "a b"])
 NUMBERS = st.integers(-3, 3).map(float)
@@ -60,7 +58,7 @@ SEARCHES = st.builds(
 
 
 @pytest.fixture
-def runner(database_url: str) -> Iterator[tuple[asyncio.Runner, Catalogue]]:  # noqa: F811
+def runner(database_url: str) -> Iterator[tuple[asyncio.Runner, Catalogue]]:
     with asyncio.Runner() as loop:
         catalogue = loop.run(Catalogue.open(database_url))
         yield loop, catalogue

@@ -22,10 +22,8 @@ KEY = f"sources/{hashlib.sha256(DATA).hexdigest()}.stl"
 
 
 @pytest.fixture
-async def catalogue(tmp_path: Path) -> AsyncIterator[Catalogue]:
-    opened = await Catalogue.open(f"sqlite:///{tmp_path}/catalogue.db")
-    yield opened
-    await opened.close()
+def database_url(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path}/catalogue.db"
 
 
 @pytest.fixture
