@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from meshtide_client.curation.commands import register as register_curation
 from meshtide_client.paper.commands import register as register_paper
 from meshtide_client.rendering.commands import register as register_rendering
 from meshtide_client.simulation.commands import register as register_simulation
@@ -34,6 +35,7 @@ def register(app: typer.Typer) -> None:
     app.command()(ingest)
     app.command()(export)
     app.command()(demo)
+    register_curation(app)
     register_rendering(app)
     register_paper(app)
     register_simulation(app)

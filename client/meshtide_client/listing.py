@@ -151,7 +151,7 @@ def _meshes(server: ServerAddress, value: Any) -> list[HostedMesh]:  # noqa: ANN
     try:
         if isinstance(value, dict):
             value = value.get("meshes")
-        return [_hosted_mesh(row) for row in plain_values.array(value, "the list of meshes")]
+        return [hosted_mesh(row) for row in plain_values.array(value, "the list of meshes")]
     except (plain_values.BadValueError, LookupError, TypeError, AttributeError) as error:
         raise ProtocolError(f"{server.listing_url} does not list meshes ({error}); check the address") from error
 
@@ -199,7 +199,13 @@ def _json(body: bytes) -> Any:  # noqa: ANN401 - anything may come
         return None
 
 
-def _hosted_mesh(row: Mapping[str, Any]) -> HostedMesh:
+def hosted_mesh(row: Mapping[str, Any]) -> HostedMesh:
+    """A mesh as a server describes it in its list.
+
+    Raises:
+        BadValueError, LookupError, TypeError: it is no such description.
+    """
+
     def text(name: str) -> str:
         return plain_values.text(row[name], name, _LONGEST_TEXT)
 

@@ -19,6 +19,7 @@ from meshtide_server.prepared_answers import prepared_answers
 from meshtide_server.problems import EVERYWHERE, handle_problems
 from meshtide_server.readiness import Readiness, check_store
 from meshtide_server.routes import STREAM_ROUTE, program_version, router
+from meshtide_server.routes_catalogue import router as catalogue_router
 from meshtide_server.routes_ingest import router as ingest_router
 from meshtide_server.routes_operations import router as operations_router
 from meshtide_server.routes_packets import router as packets_router
@@ -105,6 +106,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(packets_router)
     app.include_router(tickets_router)
     app.include_router(ingest_router)
+    app.include_router(catalogue_router)
     app.include_router(operations_router)
     app.add_middleware(Limiting, settings=settings)
     if settings.allowed_origins:

@@ -41,9 +41,12 @@ EVENT_SECONDS = 0.25
 """How often a job is looked at for those who watch it."""
 LONGEST_WATCH_SECONDS = 3600.0
 """Events end after so long; who wants more asks again."""
+LONGEST_NAME = 200
 LONGEST_TAG = 100
-_PRINTABLE = r"^[^\x00-\x1f\x7f]*$"
-_NO_NUL = r"^[^\x00]*$"
+MOST_TAGS = 50
+LONGEST_LICENCE = 20_000
+PRINTABLE = r"^[^\x00-\x1f\x7f]*$"
+NO_NUL = r"^[^\x00]*$"
 """PostgreSQL keeps no text with such a character."""
 _REFUSALS: dict[int | str, dict[str, Any]] = {
     401: {"model": Problem, "description": "No write token was sent, or one that is not known."},
@@ -112,14 +115,14 @@ class UploadQuery(BaseModel):
 
     filename: str = Field(
         description="Name of the file; its suffix tells the format.",
-        max_length=200,
-        pattern=_PRINTABLE,
+        max_length=LONGEST_NAME,
+        pattern=PRINTABLE,
         examples=["scan.ply"],
     )
-    tag: list[Annotated[str, Field(max_length=LONGEST_TAG, pattern=_PRINTABLE)]] = Field(
-        default=[], description="To find it by.", max_length=50
+    tag: list[Annotated[str, Field(max_length=LONGEST_TAG, pattern=PRINTABLE)]] = Field(
+        default=[], description="To find it by.", max_length=MOST_TAGS
     )
-    licence: str = Field(default="", description="The text of its terms.", max_length=20000, pattern=_NO_NUL)
+    licence: str = Field(default="", description="The text of its terms.", max_length=LONGEST_LICENCE, pattern=NO_NUL)
     bits: int | None = Field(default=None, description="Bits per coordinate.", ge=SMALLEST_B, le=LARGEST_B)
     profile: Profile | None = Field(default=None, description="How it is encoded.")
 
@@ -172,7 +175,7 @@ async def upload(request: Request, response: Response, query: Query) -> JobStatu
 )
 async def put_mesh(request: Request, response: Response, mesh_id: MeshId, query: Query) -> JobStatus:
     """Upload a mesh file, or a .tide file, under an id of your own; a published mesh of that id is replaced."""
-    _refuse_folder_mesh(request, mesh_id)
+    refuse_folder_mesh(request, mesh_id)
     source = await _received(request, query)
     return await _accepted(request, response, query, mesh_id, source, replace=True)
 
@@ -191,8 +194,8 @@ async def put_mesh(request: Request, response: Response, mesh_id: MeshId, query:
 )
 async def delete_mesh(request: Request, mesh_id: MeshId) -> None:
     """Delete a published mesh, with its jobs; its stream goes with the last mesh that has the same."""
-    kept = _kept(request)
-    _refuse_folder_mesh(request, mesh_id)
+    kept = kept_of(request)
+    refuse_folder_mesh(request, mesh_id)
     sources = await _sources_of(kept, mesh_id)
     try:
         await kept.catalogue.delete(mesh_id)
@@ -255,7 +258,7 @@ async def _events(request: Request, job: Job) -> AsyncIterator[str]:
 
 async def _received(request: Request, query: UploadQuery) -> Upload:
     """The body of an upload, in the store."""
-    kept, settings = _kept(request), _settings(request)
+    kept, settings = kept_of(request), _settings(request)
     return await receive(
         request.stream(),
         checked_suffix(query.filename),
@@ -270,7 +273,7 @@ async def _accepted(
     request: Request, response: Response, query: UploadQuery, mesh_id: str, source: Upload, *, replace: bool
 ) -> JobStatus:
     """Queue the job of an upload, and answer that it is taken."""
-    kept = _kept(request)
+    kept = kept_of(request)
     earlier = await _sources_of(kept, mesh_id) if replace else ()
     _, job = await kept.catalogue.add_with_job(
         query.mesh(mesh_id, source), source.key, query.options(_settings(request)), replace=replace, note=source.note
@@ -295,7 +298,7 @@ async def _collect(kept: KeptMeshes, sources: Iterable[str]) -> None:
 
 async def _job(request: Request, job_id: str) -> Job:
     """The job; when it is done, this server shows its mesh."""
-    kept = _kept(request)
+    kept = kept_of(request)
     try:
         job = await kept.catalogue.jobs.get(job_id)
         if job.state == JobState.DONE:
@@ -305,14 +308,19 @@ async def _job(request: Request, job_id: str) -> Job:
     return job
 
 
-def _refuse_folder_mesh(request: Request, mesh_id: str) -> None:
+def refuse_folder_mesh(request: Request, mesh_id: str) -> None:
+    """Nothing, unless a mesh of that id lies in the server's folder, where no request changes anything.
+
+    Raises:
+        RefusedError: 409, it does.
+    """
     found = _library(request).find(mesh_id)
     if found is not None and found.record is None:
         message = f"mesh {mesh_id!r} lies in the server's folder; change its file there"
         raise RefusedError(HTTPStatus.CONFLICT, "folder-mesh", message)
 
 
-def _kept(request: Request) -> KeptMeshes:
+def kept_of(request: Request) -> KeptMeshes:
     """Store and catalogue.
 
     Raises:

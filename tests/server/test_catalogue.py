@@ -3,7 +3,15 @@ from datetime import timedelta
 
 import pytest
 
-from meshtide_server.catalogue import Catalogue, MeshExistsError, MeshRecord, MeshState, StreamRecord, UnknownMeshError
+from meshtide_server.catalogue import (
+    Catalogue,
+    MeshExistsError,
+    MeshQuery,
+    MeshRecord,
+    MeshState,
+    StreamRecord,
+    UnknownMeshError,
+)
 
 from .catalogues import stream_record
 
@@ -143,3 +151,27 @@ async def test_a_catalogue_answers_until_it_is_closed(catalogue: Catalogue) -> N
     await catalogue.check()
     await catalogue.close()
     await catalogue.close()
+
+
+async def test_what_is_told_of_a_mesh_can_be_changed(catalogue: Catalogue, objects: Objects) -> None:
+    stream = stream_record()
+    before = await shown(catalogue, objects, "a", stream)
+    assert before is not None
+    changed = await catalogue.change("a", tags=("new", "scan"), licence="CC0")
+    assert (changed.name, changed.tags, changed.licence) == (before.name, ("new", "scan"), "CC0")
+    assert (changed.stream, changed.created, changed.state) == (stream.sha256, before.created, MeshState.READY)
+    assert changed.updated > before.updated
+    assert (await catalogue.change("a", name="better")).tags == ("new", "scan")
+    assert [mesh.id for mesh in (await catalogue.meshes.list(MeshQuery(text="better new"))).meshes] == ["a"]
+    assert (await catalogue.change("a", tags=())).tags == ()
+    await catalogue.meshes.add(MeshRecord("b", "b.obj", ("old",)))
+    assert (await catalogue.change("b", tags=("new",))).tags == ("old",)  # it is being encoded
+    with pytest.raises(UnknownMeshError):
+        await catalogue.change("c", name="c")
+
+
+async def test_tags_are_counted(catalogue: Catalogue) -> None:
+    for mesh_id, tags in (("a", ("clay", "scan")), ("b", ("scan",)), ("c", ("bone", "scan")), ("d", ())):
+        await catalogue.meshes.add(MeshRecord(mesh_id, mesh_id, tags))
+    assert await catalogue.meshes.tags(10) == [("scan", 3), ("bone", 1), ("clay", 1)]
+    assert await catalogue.meshes.tags(1) == [("scan", 3)]

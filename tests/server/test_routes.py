@@ -199,9 +199,20 @@ async def test_openapi_describes_everything_with_examples(client: httpx.AsyncCli
         "/jobs/{job_id}/events",
         "/metrics",
         "/readyz",
+        "/tags",
         "/tickets",
     }
-    for model in ("Problem", "Health", "MeshSummary", "MeshDetail", "Level", "PacketRow", "JobStatus"):
+    for model in (
+        "Problem",
+        "Health",
+        "MeshSummary",
+        "MeshDetail",
+        "Level",
+        "PacketRow",
+        "JobStatus",
+        "MeshChange",
+        "TagCount",
+    ):
         assert described["components"]["schemas"][model]["examples"]
     for path, methods in described["paths"].items():
         for method, operation in methods.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Self
 
@@ -12,6 +13,7 @@ from meshtide_server.catalogue.errors import UnknownMeshError
 from meshtide_server.catalogue.jobs import Jobs, end_earlier_jobs, enqueue_job, finish_job
 from meshtide_server.catalogue.meshes import Meshes, add_mesh, get_mesh, put_mesh
 from meshtide_server.catalogue.migrations import migrate
+from meshtide_server.catalogue.rows import MeshState
 from meshtide_server.catalogue.sources import Sources, forget_pending
 from meshtide_server.catalogue.streams import (
     Streams,
@@ -144,6 +146,34 @@ class Catalogue:
             if old is not None and old != stream.sha256:
                 await note_if_unused(connection, old)
             return record
+
+    async def change(
+        self,
+        mesh_id: str,
+        *,
+        name: str | None = None,
+        tags: tuple[str, ...] | None = None,
+        licence: str | None = None,
+    ) -> MeshRecord:
+        """Change what is told of a mesh; what is None stays as it is.
+
+        Returns:
+            The mesh as it stands now; one that is being encoded is not changed, for its job brings all of this.
+
+        Raises:
+            UnknownMeshError: there is none.
+        """
+        async with self._database.locked() as connection:
+            record = await get_mesh(connection, mesh_id)
+            if record.state == MeshState.ENCODING:
+                return record
+            changed = replace(
+                record,
+                name=record.name if name is None else name,
+                tags=record.tags if tags is None else tags,
+                licence=record.licence if licence is None else licence,
+            )
+            return await put_mesh(connection, changed)
 
     async def delete(self, mesh_id: str) -> MeshRecord:
         """Remove a mesh, its jobs, and its stream if no other mesh has it; returns what was removed.

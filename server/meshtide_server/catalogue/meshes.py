@@ -79,6 +79,14 @@ class Meshes:
         async with self._database.reading() as connection:
             return list((await connection.execute(select(column).where(within).order_by(column))).scalars())
 
+    async def tags(self, limit: int) -> list[tuple[str, int]]:
+        """Tags and how many meshes have each, those of most meshes first."""
+        number = func.count().label("number")
+        statement = select(tag_table.c.tag, number).group_by(tag_table.c.tag)
+        async with self._database.reading() as connection:
+            ordered = statement.order_by(number.desc(), tag_table.c.tag).limit(limit)
+            return [(tag, count) for tag, count in (await connection.execute(ordered)).all()]
+
     async def find_source(self, sha256: str) -> MeshRecord | None:
         """A mesh that was made from the file with that SHA-256, one that is ready before all others."""
         async with self._database.reading() as connection:

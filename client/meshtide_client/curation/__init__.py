@@ -1,0 +1,1 @@
+"""Looking after the meshes of a server: changing what is told of one, taking one away, seeing which tags there are."""

@@ -1,0 +1,103 @@
+"""The commands `edit`, `delete` and `tags`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Mesh = Annotated[str, typer.Argument(help="The mesh: http://host:port/meshes/ID.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
+TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news until the connection counts as lost.")]
+TokenFileOption = Annotated[
+    Path | None, typer.Option(help="File that holds the token for the server; without it, MESHTIDE_TOKEN is the token.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands to `app`."""
+    app.command()(edit)
+    app.command()(delete)
+    app.command()(tags)
+
+
+def edit(
+    url: Mesh,
+    name: Annotated[str | None, typer.Option(help="Its name from now on.")] = None,
+    tag: Annotated[list[str] | None, typer.Option(help="All its tags from now on. May be repeated.")] = None,
+    no_tags: Annotated[bool, typer.Option("--no-tags", help="Take all its tags away.")] = False,
+    licence: Annotated[str | None, typer.Option(help="The text of its terms from now on.")] = None,
+    timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Change what a server tells of a published mesh; it is not encoded again. Takes a write token.
+
+    Example: MESHTIDE_TOKEN=... meshtide edit http://localhost:8000/meshes/vase --tag clay --licence "CC BY 4.0"
+    """
+    import json
+    from dataclasses import asdict
+
+    from meshtide_client.credentials import find_token
+    from meshtide_client.curation.requests import change_mesh
+    from meshtide_codec.errors import OptionError
+
+    if tag and no_tags:
+        raise OptionError("--tag and --no-tags say the opposite; give one of them")
+    wanted = [] if no_tags else tag
+    mesh = change_mesh(url, name=name, tags=wanted, licence=licence, timeout=timeout, token=find_token(token_file))
+    if as_json:
+        typer.echo(json.dumps(asdict(mesh)))
+    else:
+        typer.echo(f"{mesh.id}: {mesh.name}; tags: {', '.join(mesh.tags) or 'none'}; terms: {mesh.licence or 'none'}")
+
+
+def delete(
+    urls: Annotated[list[str], typer.Argument(help="The meshes: http://host:port/meshes/ID.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Take published meshes away from a server, for good. Takes a write token.
+
+    Example: MESHTIDE_TOKEN=... meshtide delete http://localhost:8000/meshes/vase --yes
+    """
+    import json
+
+    from meshtide_client.credentials import find_token
+    from meshtide_client.curation.requests import delete_mesh
+
+    if not yes:
+        typer.confirm(f"delete {', '.join(urls)}?", abort=True, err=True)
+    for url in urls:
+        delete_mesh(url, timeout=timeout, token=find_token(token_file))
+        if not as_json:
+            typer.echo(f"{url} is deleted")
+    if as_json:
+        typer.echo(json.dumps({"deleted": urls}))
+
+
+def tags(
+    url: Annotated[str, typer.Argument(help="Address of the server: http://host:port.")],
+    limit: Annotated[int, typer.Option(min=1, max=1000, help="How many at most.")] = 1000,
+    timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the tags of a server's published meshes, those of most meshes first.
+
+    Example: meshtide tags http://localhost:8000
+    """
+    import json
+
+    from meshtide_client.credentials import find_token
+    from meshtide_client.curation.requests import list_tags
+
+    found = list_tags(url, limit=limit, timeout=timeout, token=find_token(token_file))
+    if as_json:
+        typer.echo(json.dumps({"tags": found}))
+        return
+    for tag, count in found.items():
+        typer.echo(f"{count}\t{tag}")
