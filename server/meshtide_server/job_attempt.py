@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from meshtide_codec.errors import MeshtideError
 from meshtide_codec.limits import Limits
 from meshtide_server import metrics
-from meshtide_server.catalogue import DatabaseUnavailableError, JobState, MeshState, UnknownMeshError
+from meshtide_server.catalogue import DatabaseUnavailableError, JobState, MeshState, UnknownJobError, UnknownMeshError
 from meshtide_server.encoder_process import EncodingFailedError
 from meshtide_server.encoder_process import Job as EncoderJob
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
@@ -124,9 +124,11 @@ class JobAttempt:
         """Something of the server's own did not work; if it is the store, the job waits until it does."""
         faults: dict[type[Exception], str] = {StoreError: "store", DatabaseUnavailableError: "catalogue"}
         part = next((part for kind, part in faults.items() if isinstance(error, kind)), "jobs")
-        reason = f"a fault of the server, {type(error).__name__}: {error}".removesuffix(": ")
         metrics.fault(part)
-        logger.error("job %s of mesh %s met %s", self._job.id, self._job.mesh_id, reason)
+        name = type(error).__name__
+        logger.error(
+            "job %s of mesh %s met a fault of the server: %s: %s", self._job.id, self._job.mesh_id, name, error
+        )
         try:
             async with asyncio.timeout(CHECK_SECONDS):
                 await check_store(self._kept.store)
@@ -134,17 +136,26 @@ class JobAttempt:
             await self._kept.catalogue.jobs.hand_back(self._job.id, self._owner)
             await asyncio.sleep(REST_SECONDS)
             return JobOutcome.RELEASED
-        return await self._failed(reason, retry=True)
+        return await self._failed(f"a fault of the server ({name}); its operator finds more in the log", retry=True)
 
     async def _beat(self, work: asyncio.Task[None]) -> None:
         """Tell the catalogue again and again how far the job is; end the work if it is not this server's any more."""
+        jobs = self._kept.catalogue.jobs
         while True:
-            with suppress(MeshtideError):  # a database that is away for a moment misses a beat
-                if not await self._kept.catalogue.jobs.heartbeat(self._job.id, self._owner, *self._stage):
-                    self._lost = True
-                    work.cancel()
+            with suppress(DatabaseUnavailableError):  # one that is away for a moment misses a beat
+                if not await jobs.heartbeat(self._job.id, self._owner, *self._stage):
+                    self._lost = await self._state() != JobState.DONE  # which it is when it has just been published
+                    if self._lost:
+                        work.cancel()
                     return
             await asyncio.sleep(self._settings.job_lost_seconds / HEARTBEATS)
+
+    async def _state(self) -> JobState | None:
+        """The state of the job, None if it is gone."""
+        try:
+            return (await self._kept.catalogue.jobs.get(self._job.id)).state
+        except UnknownJobError:
+            return None
 
     async def _work(self, encoder: EncoderProcess) -> None:
         """Encode what the job names, unless the same was encoded before, and publish it."""

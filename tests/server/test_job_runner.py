@@ -15,6 +15,7 @@ import pytest
 
 from meshtide_server.catalogue import Catalogue
 from meshtide_server.job_attempt import JobAttempt
+from meshtide_server.publishing import publish
 from meshtide_server.store import StoreError
 from upload_server import TOKEN as UPLOAD_TOKEN
 from upload_server import taking_uploads
@@ -205,6 +206,22 @@ def test_a_later_upload_under_the_same_id_ends_the_earlier_job(start: Start) -> 
         until(lambda: not runner._attempts)
 
 
+def test_a_job_that_has_just_been_published_is_not_taken_for_lost(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended: list[str] = []
+
+    async def slow(*arguments: Any, **more: Any) -> None:
+        await publish(*arguments, **more)
+        await asyncio.sleep(0.5)  # several heartbeats
+        ended.append("well")
+
+    monkeypatch.setattr("meshtide_server.job_attempt.publish", slow)
+    with start(job_lost_seconds=1) as server:
+        assert outcome(server, "small.tide", make_stream(1))["state"] == "done"
+        until(lambda: ended == ["well"], 5)
+
+
 def test_a_fault_of_the_server_costs_one_job(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshtide_server.job_attempt.CHUNK", 7)  # an upload comes from the store in pieces
     work = JobAttempt._encoded
@@ -234,7 +251,7 @@ def test_a_timeout_of_the_store_is_a_fault_of_the_server_and_not_of_the_upload(
         monkeypatch.setattr(store, "get_range", slow)
         job = outcome(server, "small.tide", make_stream(1))
         assert (job["state"], job["attempts"]) == ("failed", 2)
-        assert job["error"] == "a fault of the server, TimeoutError"
+        assert job["error"] == "a fault of the server (TimeoutError); its operator finds more in the log"
         monkeypatch.setattr(store, "get_range", get_range)
         assert outcome(server, "other.tide", make_stream(2))["state"] == "done"
 
