@@ -7,9 +7,17 @@ import pytest
 
 from meshes import grid, soup
 from meshtide_codec.compact.options import CompactOptions
-from meshtide_codec.compact.preview_choice import DISTANCES, LARGE, LARGE_RATIO, TOO_SMALL_TO_WAIT, choose_previews
+from meshtide_codec.compact.preview_choice import (
+    DISTANCES,
+    FEW_BITS,
+    FINEST_RATIO,
+    LARGE,
+    LARGE_RATIO,
+    TOO_SMALL_TO_WAIT,
+    choose_previews,
+)
 from meshtide_codec.compact.previewing import GridPreview, encode_preview
-from meshtide_codec.compact.previews import FEWEST_VERTICES, Preview
+from meshtide_codec.compact.previews import FEWEST_VERTICES, Preview, make_previews
 from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshError, OptionError
@@ -35,9 +43,32 @@ def test_every_distance_is_reached_by_few_vertices() -> None:
     meter = DistortionMeter(quantized.positions.astype(float), quantized.faces)
     reached = [meter.measure(preview.vertices(12), preview.faces).rms for preview in previews]
     assert reached == sorted(reached, reverse=True)
-    assert reached[-1] <= DISTANCES[-1]
-    assert any(DISTANCES[-1] < distance <= DISTANCES[1] for distance in reached)
+    for coarser, distance in zip((1.0, *DISTANCES), DISTANCES[:3], strict=False):
+        assert any(distance / 2 < found <= min(distance, coarser) for found in reached)
     assert len(previews[-1].positions) < len(quantized.positions) / 10
+
+
+def test_the_last_distance_is_reached_if_few_vertices_are_enough() -> None:
+    flat = grid(80)
+    height = np.abs(flat.vertices[:, :2] - flat.vertices[:, :2].mean(axis=0)).max(axis=1)
+    pyramid = quantize(Mesh(np.column_stack([flat.vertices[:, :2], height]), flat.faces), 12)
+    previews = chosen(pyramid)
+    meter = DistortionMeter(pyramid.positions.astype(float), pyramid.faces)
+    assert meter.measure(previews[-1].vertices(12), previews[-1].faces).rms <= DISTANCES[-1]
+    assert previews[-1].ratio >= LARGE_RATIO
+    assert all(preview.ratio >= FINEST_RATIO for preview in chosen(quantize(bumpy_sphere(), 12)))
+
+
+def test_the_smallest_of_several_is_taken() -> None:
+    """A preview of few bits is not larger than those of one bit more or less that are within its distance."""
+    quantized = quantize(bumpy_sphere(), 12)
+    first = chosen(quantized)[0]
+    sizes = [
+        len(encode_preview(GridPreview(preview.bits, preview.positions, preview.faces)))
+        for preview in (first, *make_previews(quantized.positions, quantized.faces, 12, ratios=(first.ratio,)))
+    ]
+    assert first.bits <= FEW_BITS + 1
+    assert sizes[0] <= sizes[-1]
 
 
 def test_a_preview_that_is_small_has_none_before_it() -> None:

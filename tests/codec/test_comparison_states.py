@@ -41,7 +41,7 @@ def test_measured_states_are_what_the_header_says(options: Options) -> None:
     assert len(states) == len(encoded.header.levels)
     for found, row in zip(states, encoded.header.levels, strict=True):
         assert (found.name, found.vertices, found.faces) == (f"level {row.level}", row.vertices, row.faces)
-        assert (row.rms, row.maximum) == pytest.approx(stored_distances(found.rms, found.maximum), rel=0.15)
+        assert (row.rms, row.maximum) == pytest.approx(stored_distances(found.rms, found.maximum), rel=0.3)
         assert row.rms * (32 / 33) * 0.99 <= found.rms <= row.rms * 1.01 + 1e-12
     assert states[-1].size == len(encoded.to_bytes())
     assert (states[-1].rms, states[-1].maximum) == (0.0, 0.0)

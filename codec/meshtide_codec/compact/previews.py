@@ -104,9 +104,11 @@ def make_previews(
         vertices, coarse_faces = simplifier.reduced_to(target)
         if len(coarse_faces) == 0 or len(vertices) > LARGEST_EXCESS * target:
             break
-        preview = fitted_preview(original, vertices, coarse_faces, bits, ratio)
-        if preview is not None:
-            previews.append(preview)
+        fitted = fitted_mesh(original, vertices, coarse_faces, bits)
+        if fitted is None:
+            continue
+        preview = rounded_preview(fitted, bits, grid_bits(fitted.distance, bits), ratio)
+        previews += [] if preview is None else [preview]
     return previews[::-1]
 
 
@@ -133,19 +135,44 @@ def checked_faces(positions: Integers, faces: Integers, bits: int, ratios: list[
     return proper
 
 
-def fitted_preview(original: TriangleTree, vertices: Points, faces: Integers, bits: int, ratio: int) -> Preview | None:
-    """The simplified mesh fitted and rounded, or None when an octree level of as many vertices shows no less."""
+class FittedMesh(NamedTuple):
+    """A simplified mesh whose vertices have been moved to the original surface.
+
+    Attributes:
+        refitter: what moved them.
+        vertices: (k, 3) in the original's grid steps.
+        faces: (j, 3) int32.
+        distance: root mean square distance from the original in grid steps, of the worse direction.
+    """
+
+    refitter: Refitter
+    vertices: Points
+    faces: Integers
+    distance: float
+
+
+def fitted_mesh(original: TriangleTree, vertices: Points, faces: Integers, bits: int) -> FittedMesh | None:
+    """The simplified mesh fitted, or None when an octree level of as many vertices shows no less."""
     refitter = Refitter(original, faces, len(vertices))
     fitted = refitter.fitted(vertices)
     distance = refitter.distance(fitted)
     if distance > OCTREE_DISTANCE * _cell_side(original.vertices, bits, len(vertices)):
         return None
-    preview_bits = grid_bits(distance, bits)
+    return FittedMesh(refitter, fitted, faces, distance)
+
+
+def rounded_preview(mesh: FittedMesh, bits: int, preview_bits: int, ratio: int) -> Preview | None:
+    """A fitted mesh on a grid of depth `preview_bits`, or None when no face is left of it.
+
+    Args:
+        mesh: in steps of the grid of depth `bits`.
+        bits: B.
+        preview_bits: depth of the preview's grid.
+        ratio: what it was made for.
+    """
     step = grid_steps(bits) / grid_steps(preview_bits)
-    welded, welded_faces = _welded(refitter.rounded(fitted, step, grid_steps(preview_bits)), faces)
-    if len(welded_faces) == 0:
-        return None
-    return Preview(welded, welded_faces, preview_bits, ratio)
+    welded, welded_faces = _welded(mesh.refitter.rounded(mesh.vertices, step, grid_steps(preview_bits)), mesh.faces)
+    return Preview(welded, welded_faces, preview_bits, ratio) if len(welded_faces) else None
 
 
 def grid_bits(distance: float, bits: int) -> int:

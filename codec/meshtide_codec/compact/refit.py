@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
     Integers = NDArray[np.int32]
 
-ROUNDS = 4
+ROUNDS = 3
 ROUNDING_ROUNDS = 2  # projections while vertices move on the grid
 ROUNDING_PASSES = 20  # over all vertices, after each projection; most end earlier
 SAMPLES_PER_VERTEX = 12  # of either surface; more of them make it no closer

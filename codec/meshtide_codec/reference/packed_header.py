@@ -92,9 +92,9 @@ def read_coordinate(data: bytes, position: int) -> tuple[float, int]:
 def distances(stored: bytes) -> tuple[float, float]:
     """Root mean square and maximum of a state, from its two bytes."""
     word = stored[0] * 256 + stored[1]
-    r, q = word // 64, word % 64
-    rms = 0.0 if r == 0 else (32 + r % 32) * 2.0 ** (r // 32 - 36)
-    return rms, 63 / 32 if q == 63 else min(rms * ((8 + q % 8) * 2.0 ** (q // 8 - 3)), 63 / 32)
+    r, q = word // 32, word % 32
+    rms = 0.0 if r == 0 else (64 + r % 64) * 2.0 ** (r // 64 - 37)
+    return rms, 127 / 64 if q == 31 else min(rms * ((4 + q % 4) * 2.0 ** (q // 4 - 2)), 127 / 64)
 
 
 def _read_row(data: bytes, position: int, header: HeaderFields) -> int:
@@ -115,23 +115,25 @@ def _read_row(data: bytes, position: int, header: HeaderFields) -> int:
     header.packets.append((kind, level, part, length))
     header.checksums.append(struct.unpack_from("<I", data, position)[0])
     position += 4
-    if completes == 1:
-        return _read_state(data, position, header, level)
+    if completes in {1, 3}:
+        return _read_state(data, position, header, level, same_size=completes == 3)
     if completes == 2:
         states, position = read_number(data, position)
         for _ in range(states):
             level, position = read_number(data, position)
             position = _read_state(data, position, header, level)
-    elif completes > 2:
+    elif completes > 3:
         raise ContainerError(f"a packet's row begins with {head}", offset=position)
     return position
 
 
-def _read_state(data: bytes, position: int, header: HeaderFields, level: int) -> int:
+def _read_state(data: bytes, position: int, header: HeaderFields, level: int, *, same_size: bool = False) -> int:
     _, _, vertices, faces = header.states[-1] if header.states else (0, 0, 0, 0)
     surplus = faces - 2 * vertices
-    growth, position = read_signed(data, position)
-    more, position = read_signed(data, position)
+    growth = more = 0
+    if not same_size:
+        growth, position = read_signed(data, position)
+        more, position = read_signed(data, position)
     vertices += growth
     header.states.append((level, len(header.packets), vertices, 2 * vertices + surplus + more))
     header.distances.append(data[position : position + 2])

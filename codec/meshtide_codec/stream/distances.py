@@ -1,8 +1,8 @@
 """How far a state is from the finest mesh, as the header stores it: a little too far, and never too near.
 
 From format version 3 on both distances of a state take two bytes. The root mean square is a floating-point number of
-five bits of mantissa and five of exponent, at most 1/32 too large; the maximum is told by how many times as large it
-is, six bits, at most 1/8 too large: nothing that is shown depends on more. All stored values are exact in a double.
+six bits of mantissa and five of exponent, at most 1/64 too large; the maximum is told by how many times as large it
+is, five bits, at most 1/4 too large: nothing that is shown depends on more. All stored values are exact in a double.
 Before, each distance was the upper half of a float32. The layouts stand in docs/format.md, section 2.
 """
 
@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-MANTISSA_BITS = 5
+MANTISSA_BITS = 6
 MANTISSA = 1 << MANTISSA_BITS
 EXPONENT_OF_ONE = 31 + MANTISSA_BITS
-"""Code r > 0 is the distance (32 + r mod 32) 2^(r // 32 - 36)."""
-LARGEST_CODE = 1023
-LARGEST = 63 / 32
+"""Code r > 0 is the distance (64 + r mod 64) 2^(r // 64 - 37)."""
+LARGEST_CODE = 2047
+LARGEST = 127 / 64
 """Two points of a mesh are one diagonal apart at most, and what is drawn of it is in a cube hardly longer than that."""
 
-FACTOR_BITS = 3
+FACTOR_BITS = 2
 FACTOR_MANTISSA = 1 << FACTOR_BITS
-NO_FACTOR = 63
-"""Code q below this: the maximum is (8 + q mod 8) 2^(q // 8 - 3) times the root mean square, at most `LARGEST`."""
+NO_FACTOR = 31
+"""Code q below this: the maximum is (4 + q mod 4) 2^(q // 4 - 2) times the root mean square, at most `LARGEST`."""
 
 DISTANCE_BYTES = 2
 HALF_BYTES = 4
@@ -38,7 +38,7 @@ def stored_distances(rms: float, maximum: float) -> tuple[float, float]:
     Beyond `LARGEST` that is what they become. The maximum is never below the root mean square.
 
     >>> stored_distances(0.01, 0.03)
-    (0.010009765625, 0.0300292968750)
+    (0.010009765625, 0.030029296875)
     >>> stored_distances(0.0, 0.0)
     (0.0, 0.0)
     """
@@ -52,7 +52,7 @@ def pack_distances(rms: float, maximum: float) -> bytes:
     code = _least(_rms_of, 1, LARGEST_CODE, rms)
     stored = _rms_of(code)
     factor = _least(lambda place: _maximum_of(stored, place), 0, NO_FACTOR, maximum)
-    return struct.pack(">H", code << 2 * FACTOR_BITS | factor)
+    return struct.pack(">H", code * (NO_FACTOR + 1) + factor)
 
 
 def unpack_distances(data: bytes) -> tuple[float, float]:

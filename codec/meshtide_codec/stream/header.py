@@ -296,7 +296,7 @@ def _unpack_map(data: bytes | memoryview, limits: Limits) -> PlainHeader:
         origin=plain_values.array(value[Field.ORIGIN], "origin", 3),
         extent=value[Field.EXTENT],
         packets=packets,
-        checksums=struct.unpack(f"<{len(packets)}I", checksums),
+        checksums=list(struct.unpack(f"<{len(packets)}I", checksums)),
         states=states,
         distances=[
             distances.unpack_halves(halves[start : start + distances.HALF_BYTES])

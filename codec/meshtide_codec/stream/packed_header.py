@@ -28,8 +28,9 @@ PROFILES = ("classic", "compact")
 CHECKSUM_BYTES = 4
 
 STEPS = 4
-NO_STATE, OWN_STATE, MORE_STATES = range(3)
-"""What a packet completes: nothing, a state of its level, or so many of so many levels, which follow.
+NO_STATE, OWN_STATE, MORE_STATES, SAME_SIZE = range(4)
+"""What a packet completes: nothing; a state of its level; so many of so many levels, which follow; a state of its
+level with as many vertices and faces as the one before.
 A packet's row begins with kind + KINDS * (step + STEPS * states)."""
 
 
@@ -53,10 +54,10 @@ class PlainHeader(NamedTuple):
     bits: int
     origin: Sequence[float]
     extent: float
-    packets: Sequence[tuple[int, int, int, int]]
-    checksums: Sequence[int]
-    states: Sequence[tuple[int, int, int, int]]
-    distances: Sequence[tuple[float, float]]
+    packets: list[tuple[int, int, int, int]]
+    checksums: list[int]
+    states: list[tuple[int, int, int, int]]
+    distances: list[tuple[float, float]]
 
 
 def pack_header(header: PlainHeader) -> bytes:
@@ -76,6 +77,8 @@ def pack_header(header: PlainHeader) -> bytes:
         states = completed.get(count, [])
         own = [level] == [row[0] for row, _ in states]
         what = OWN_STATE if own else MORE_STATES if states else NO_STATE
+        if own and states[0][0][2:] == size:
+            what = SAME_SIZE
         step = step_to(place, (level, part))
         data += write_number(kind + KINDS * (step + STEPS * what))
         if step == ELSEWHERE:
@@ -85,7 +88,8 @@ def pack_header(header: PlainHeader) -> bytes:
             data += write_number(len(states))
         for row, distances in states:
             data += b"" if own else write_number(row[0])
-            data += _pack_sizes(size, row[2:]) + pack_distances(*distances)
+            data += b"" if what == SAME_SIZE else _pack_sizes(size, row[2:])
+            data += pack_distances(*distances)
             size = row[2:]
         place = level, part
     return bytes(data) + plain_values.pack(dict(header.options))
@@ -99,50 +103,69 @@ def unpack_header(data: bytes) -> PlainHeader:
     """
     if data[:1] != bytes([VERSION]):
         raise BadValueError("its first byte is not that of a meshtide stream header")
-    profile, position = _unpack_profile(data, 1)
-    if position >= len(data):
-        raise BadValueError("it ends before the bits per coordinate")
-    bits, position = data[position], position + 1
-    numbers = []
-    for _ in range(4):
-        value, position = unpack_coordinate(data, position)
-        numbers.append(value)
-    count, position = read_number(data, position)
-    packets: list[tuple[int, int, int, int]] = []
-    checksums: list[int] = []
-    states: list[tuple[int, int, int, int]] = []
-    distances: list[tuple[float, float]] = []
-    place = (0, 0)
-    size = (0, 0)
-    for index in range(count):
-        head, position = read_number(data, position)
-        what, head = divmod(head, STEPS * KINDS)
-        step, kind = divmod(head, KINDS)
-        if what > MORE_STATES:
-            raise BadValueError(f"the row of packet {index} begins as none does")
-        if step == ELSEWHERE:
-            level, position = read_number(data, position)
-            part, position = read_number(data, position)
-            place = level, part
-        else:
-            place = next_place(place, step)
-        length, position = read_number(data, position)
-        checksum, position = _take(data, position, CHECKSUM_BYTES)
-        packets.append((kind, *place, length))
-        checksums.append(int.from_bytes(checksum, "little"))
-        states_here = what
-        if what == MORE_STATES:
-            states_here, position = read_number(data, position)
-        for _ in range(states_here):
-            level = place[0]
-            if what == MORE_STATES:
-                level, position = read_number(data, position)
-            size, position = _unpack_sizes(size, data, position)
-            stored, position = _take(data, position, DISTANCE_BYTES)
-            states.append((level, index + 1, *size))
-            distances.append(unpack_distances(stored))
-    options = plain_values.unpack(data[position:], len(data))
-    return PlainHeader(profile, options, bits, numbers[:3], numbers[3], packets, checksums, states, distances)
+    reader = _Reader(data, 1)
+    number = reader.number()
+    profile = PROFILES[number] if number < len(PROFILES) else reader.text(number - len(PROFILES))
+    bits = reader.take(1)[0]
+    origin = [reader.coordinate() for _ in range(3)]
+    header = PlainHeader(profile, {}, bits, origin, reader.coordinate(), [], [], [], [])
+    for _ in range(reader.number()):
+        _unpack_row(reader, header)
+    return header._replace(options=plain_values.unpack(reader.rest(), len(data)))
+
+
+class _Reader:
+    """Bytes that are read from front to end."""
+
+    def __init__(self, data: bytes, position: int) -> None:
+        self._data = data
+        self._position = position
+
+    def number(self) -> int:
+        value, self._position = read_number(self._data, self._position)
+        return value
+
+    def signed(self) -> int:
+        return unfolded(self.number())
+
+    def coordinate(self) -> float:
+        value, self._position = unpack_coordinate(self._data, self._position)
+        return value
+
+    def take(self, length: int) -> bytes:
+        start, self._position = self._position, self._position + length
+        if self._position > len(self._data):
+            raise BadValueError(f"{length} bytes at byte {start} are cut off")
+        return self._data[start : self._position]
+
+    def text(self, length: int) -> str:
+        try:
+            return self.take(length).decode()
+        except UnicodeDecodeError as error:
+            raise BadValueError("the profile's name is not UTF-8") from error
+
+    def rest(self) -> bytes:
+        return self._data[self._position :]
+
+
+def _unpack_row(reader: _Reader, header: PlainHeader) -> None:
+    """Add one packet, and the states that are complete with it, to the lists of `header`."""
+    what, head = divmod(reader.number(), STEPS * KINDS)
+    step, kind = divmod(head, KINDS)
+    if what > SAME_SIZE:
+        raise BadValueError(f"the row of packet {len(header.packets)} begins as none does")
+    before = header.packets[-1][1:3] if header.packets else (0, 0)
+    place = (reader.number(), reader.number()) if step == ELSEWHERE else next_place(before, step)
+    header.packets.append((kind, *place, reader.number()))
+    header.checksums.append(int.from_bytes(reader.take(CHECKSUM_BYTES), "little"))
+    count = reader.number() if what == MORE_STATES else int(what != NO_STATE)
+    for _ in range(count):
+        level = reader.number() if what == MORE_STATES else place[0]
+        size = header.states[-1][2:] if header.states else (0, 0)
+        if what != SAME_SIZE:
+            size = _grown(size, reader.signed(), reader.signed())
+        header.states.append((level, len(header.packets), *size))
+        header.distances.append(unpack_distances(reader.take(DISTANCE_BYTES)))
 
 
 def _states_by_packet(
@@ -162,17 +185,6 @@ def _pack_profile(name: str) -> bytes:
     return write_number(len(PROFILES) + len(spelt)) + spelt
 
 
-def _unpack_profile(data: bytes, position: int) -> tuple[str, int]:
-    number, position = read_number(data, position)
-    if number < len(PROFILES):
-        return PROFILES[number], position
-    spelt, position = _take(data, position, number - len(PROFILES))
-    try:
-        return spelt.decode(), position
-    except UnicodeDecodeError as error:
-        raise BadValueError("the profile's name is not UTF-8") from error
-
-
 def _pack_sizes(before: tuple[int, ...], after: tuple[int, ...]) -> bytes:
     """Vertices and faces of a state after those of the one before: most surfaces have two faces a vertex."""
     vertices, surplus = _vertices_and_surplus(after)
@@ -180,20 +192,12 @@ def _pack_sizes(before: tuple[int, ...], after: tuple[int, ...]) -> bytes:
     return write_number(folded(vertices - known)) + write_number(folded(surplus - known_surplus))
 
 
-def _unpack_sizes(before: tuple[int, int], data: bytes, position: int) -> tuple[tuple[int, int], int]:
-    growth, position = read_number(data, position)
-    surplus_growth, position = read_number(data, position)
+def _grown(before: tuple[int, int], growth: int, surplus_growth: int) -> tuple[int, int]:
     known, known_surplus = _vertices_and_surplus(before)
-    vertices = known + unfolded(growth)
-    return (vertices, known_surplus + unfolded(surplus_growth) + 2 * vertices), position
+    vertices = known + growth
+    return vertices, known_surplus + surplus_growth + 2 * vertices
 
 
 def _vertices_and_surplus(size: tuple[int, ...]) -> tuple[int, int]:
     vertices, faces = size
     return vertices, faces - 2 * vertices
-
-
-def _take(data: bytes, position: int, length: int) -> tuple[bytes, int]:
-    if position + length > len(data):
-        raise BadValueError(f"{length} bytes at byte {position} are cut off")
-    return data[position : position + length], position + length
