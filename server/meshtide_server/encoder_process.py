@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.errors import MeshError
+from meshtide_server.catalogue import Box
 
 if TYPE_CHECKING:
     from asyncio.subprocess import Process
@@ -105,11 +106,13 @@ class Encoded:
         path: the stream's file, or None if no target took it.
         data: the stream in that case.
         problems: why targets did not take it.
+        box: that holds its finest level.
     """
 
     path: Path | None
     data: bytes
     problems: tuple[str, ...]
+    box: Box | None = None
 
 
 class EncoderProcess:
@@ -192,7 +195,9 @@ class EncoderProcess:
                 raise EncodingFailedError(event["reason"])
             else:
                 data = await process.stdout.readexactly(event["bytes"])
-                return Encoded(Path(event["path"]) if event["path"] else None, data, tuple(event["problems"]))
+                path = Path(event["path"]) if event["path"] else None
+                (x0, y0, z0), (x1, y1, z1) = event["box"]
+                return Encoded(path, data, tuple(event["problems"]), Box((x0, y0, z0), (x1, y1, z1)))
 
     @staticmethod
     async def _next_event(output: asyncio.StreamReader) -> dict[str, Any]:

@@ -103,7 +103,7 @@ def limit_processor_time(seconds: int) -> None:
 
 def _work(job: dict[str, Any], reporter: Reporter) -> None:
     try:
-        data = _encode(job, reporter)
+        data, box = _encode(job, reporter)
         path, problems = _store(data, [Path(target) for target in job["targets"]])
     except BrokenPipeError:
         raise
@@ -111,12 +111,12 @@ def _work(job: dict[str, Any], reporter: Reporter) -> None:
         reporter.send({"event": "failed", "reason": _reason(error)[:LONGEST_REASON]})
         return
     rest = b"" if path else data
-    reporter.send(
-        {"event": "done", "path": str(path) if path else None, "problems": problems, "bytes": len(rest)}, rest
-    )
+    place = str(path) if path else None
+    reporter.send({"event": "done", "path": place, "problems": problems, "box": box, "bytes": len(rest)}, rest)
 
 
-def _encode(job: dict[str, Any], reporter: Reporter) -> bytes:
+def _encode(job: dict[str, Any], reporter: Reporter) -> tuple[bytes, list[list[float]]]:
+    """The stream, and the smallest and largest coordinates of its finest level."""
     reporter.progress("load the encoder", 0.0)
     from meshtide_codec.command_options import profile_options  # noqa: PLC0415 - heavy, only of use in this process
     from meshtide_codec.compilation import announced_compilation  # noqa: PLC0415 - the same
@@ -126,7 +126,9 @@ def _encode(job: dict[str, Any], reporter: Reporter) -> bytes:
     mesh = _load(job)
     with announced_compilation(lambda: reporter.progress("compile kernels, first run only", 0.0)):
         options = profile_options(job["profile"], job["bits"], {}, {})
-        return encode(mesh, options, progress=reporter.progress).to_bytes()
+        encoded = encode(mesh, options, progress=reporter.progress)
+        vertices = encoded.quantized.mesh().vertices
+        return encoded.to_bytes(), [vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()]
 
 
 def _load(job: dict[str, Any]) -> Mesh:

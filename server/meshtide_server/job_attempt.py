@@ -32,7 +32,7 @@ from meshtide_server.stream_cache import EncodingOptions, file_digest
 from meshtide_server.upload_checks import UploadLimits
 
 if TYPE_CHECKING:
-    from meshtide_server.catalogue import Job, MeshRecord
+    from meshtide_server.catalogue import Box, Job, MeshRecord
     from meshtide_server.encoder_process import EncoderProcess
     from meshtide_server.kept_meshes import KeptMeshes
     from meshtide_server.settings import Settings
@@ -64,6 +64,7 @@ class JobAttempt:
         self._settings = settings
         self._stage = ("starting", 0.0)
         self._lost = False
+        self._box: Box | None = None
         self._folder = ""
         """Where the upload lies here, which is not to be told to who sent it."""
 
@@ -171,13 +172,14 @@ class JobAttempt:
                 await self._fetch(source)
                 stream = source if suffix == TIDE_SUFFIX else await self._encoded(encoder, source)
             self._stage = ("publish", 0.0)
+            publication = Publication(mesh.id, mesh.name, mesh.tags, mesh.licence, mesh.source, self._box)
             limits = Limits(
                 vertices=self._settings.max_vertices,
                 faces=self._settings.max_faces,
                 memory=self._settings.max_decode_memory,
             )
             owned = (self._job.id, self._owner)
-            shown = await publish(store, catalogue, stream, _publication(mesh), limits=limits, job=owned)
+            shown = await publish(store, catalogue, stream, publication, limits=limits, job=owned)
             logger.info(
                 "%s is ready: %d vertices, %d faces, %d bytes", mesh.id, shown.vertices, shown.faces, shown.size
             )
@@ -200,6 +202,7 @@ class JobAttempt:
         done = await catalogue.jobs.list(mesh_id=twin.id, state=JobState.DONE, limit=1)
         if not done or (done[0].source_key, done[0].options) != (self._job.source_key, self._job.options):
             return None
+        self._box = twin.box
         return await self._kept.store.get(stream_key(twin.stream))
 
     async def _encoded(self, encoder: EncoderProcess, source: Path) -> Path:
@@ -208,12 +211,9 @@ class JobAttempt:
         options = EncodingOptions(bits=int(self._job.options["bits"]), profile=str(self._job.options["profile"]))
         digest = await asyncio.to_thread(file_digest, source)
         limits = UploadLimits(self._settings.max_vertices, self._settings.max_faces)
-        await encoder.encode(EncoderJob(source, None, digest, options, (target,), limits), self._advance)
+        encoded = await encoder.encode(EncoderJob(source, None, digest, options, (target,), limits), self._advance)
+        self._box = encoded.box
         return target
 
     def _advance(self, stage: str, fraction: float) -> None:
         self._stage = (stage, fraction)
-
-
-def _publication(mesh: MeshRecord) -> Publication:
-    return Publication(mesh.id, mesh.name, mesh.tags, mesh.licence, mesh.source, mesh.box)

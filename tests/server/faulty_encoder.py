@@ -22,9 +22,9 @@ BURNT_SECONDS = 0.6
 _encode = encoding._encode
 
 
-def faulty_encode(job: dict[str, Any], reporter: encoding.Reporter) -> bytes:
+def faulty_encode(job: dict[str, Any], reporter: encoding.Reporter) -> tuple[bytes, list[list[float]]]:
     fault = FAULTS.get(Path(job["file"]).stem.split("-")[0])
-    return fault(reporter) if fault is not None else _encode(job, reporter)
+    return (fault(reporter), [[0.0] * 3] * 2) if fault is not None else _encode(job, reporter)
 
 
 def spin(_: encoding.Reporter) -> bytes:

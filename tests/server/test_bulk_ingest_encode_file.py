@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from bulk_ingests import BITS, PROFILE, chosen, expected_stream, small_meshes
+from meshtide_codec.decoder import decode
 from meshtide_server.bulk_ingest import encode_file as module
 from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask, encode_file
 from meshtide_server.bulk_ingest.idle_encoders import end_idle_encoders
+from meshtide_server.catalogue import Box
 from meshtide_server.encoder_process import Encoded, EncodingFailedError, ProcessLimits
 from meshtide_server.stream_cache import EncodingOptions, codec_digest
 from meshtide_server.upload_checks import UploadLimits
@@ -31,6 +33,12 @@ def _file(tmp_path: Path) -> Path:
 def task_for(file: Path) -> FileTask:
     options = EncodingOptions(BITS, PROFILE)
     return FileTask(file, chosen(file).digest, options, UploadLimits(1000, 1000), ProcessLimits(), 60.0, codec_digest())
+
+
+def box_of(stream: bytes) -> Box:
+    vertices = decode(stream).vertices
+    (x0, y0, z0), (x1, y1, z1) = vertices.min(axis=0), vertices.max(axis=0)
+    return Box((x0, y0, z0), (x1, y1, z1))
 
 
 @pytest.fixture(name="failing")
@@ -65,12 +73,12 @@ async def test_a_file_is_encoded_where_it_lies_or_from_its_content(file: Path) -
     expected = expected_stream(file)
     content = file.read_bytes()
     try:
-        assert await encode_file(task) == FileOutcome(expected)
+        assert await encode_file(task) == FileOutcome(expected, box_of(expected))
         file.write_bytes(content + b"\n")
         assert await encode_file(task) == FileOutcome(elsewhere=True)
         file.unlink()
         assert await encode_file(task) == FileOutcome(elsewhere=True)
-        assert await encode_file(task, content) == FileOutcome(expected)
+        assert await encode_file(task, content) == FileOutcome(expected, box_of(expected))
         changed = await encode_file(replace(task, digest="0" * 64), content)
         assert "was changed while it was read" in (changed.error or "")
         limited = await encode_file(replace(task, limits=UploadLimits(8, 1000)), content)

@@ -83,11 +83,14 @@ def test_an_upload_is_encoded_and_can_be_fetched(server: LiveServer, tmp_path: P
     assert np.array_equal(decoded.faces, expected.faces)
     listed = {row["id"]: row for row in httpx.get(f"{server.url}/meshes").json()}
     assert listed["patch"]["tags"] == ["flat", "small"]
+    box = {"minimum": decoded.vertices.min(axis=0).tolist(), "maximum": decoded.vertices.max(axis=0).tolist()}
+    assert listed["patch"]["box"] == box  # of the mesh, not of the cube of its quantization grid
 
     again = post(server.url, "Patch.ply", data, bits=10).json()
     assert again["mesh"] == "patch-ply"
     assert finished(server.url, again["id"])["state"] == "done"
     assert httpx.get(f"{server.url}/meshes/patch-ply.tide").content == whole.content
+    assert httpx.get(f"{server.url}/meshes/patch-ply").json()["box"] == box
 
 
 def test_a_stream_is_published_as_it_is_replaced_and_deleted(server: LiveServer) -> None:

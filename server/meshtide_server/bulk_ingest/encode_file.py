@@ -24,6 +24,7 @@ from meshtide_server.stream_cache import EncodingOptions, codec_digest, file_dig
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
+    from meshtide_server.catalogue import Box
     from meshtide_server.encoder_process import ProcessLimits
     from meshtide_server.upload_checks import UploadLimits
 
@@ -56,15 +57,17 @@ class FileTask:
 
 @dataclass(frozen=True, slots=True)
 class FileOutcome:
-    """What became of a `FileTask`; one of the three.
+    """What became of a `FileTask`: a stream and its box, or one of the other two.
 
     Args:
         stream: the `.tide` file.
+        box: that holds its finest level.
         error: why there is none.
         elsewhere: there is no such file here; send its content along.
     """
 
     stream: bytes | None = None
+    box: Box | None = None
     error: str | None = None
     elsewhere: bool = False
 
@@ -97,7 +100,8 @@ async def _encode(task: FileTask, path: Path, progress: Progress) -> FileOutcome
     for _ in range(ATTEMPTS):
         try:
             async with asyncio.timeout(task.seconds), encoder_taken(task.process) as encoder:
-                return FileOutcome((await encoder.encode(job, progress)).data)
+                encoded = await encoder.encode(job, progress)
+                return FileOutcome(encoded.data, encoded.box)
         except TimeoutError:
             return FileOutcome(error=f"it took longer than {task.seconds:g} s (MESHTIDE_JOB_SECONDS)")
         except EncodingFailedError as error:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from meshtide_server.bulk_ingest.encode_file import FileOutcome
-    from meshtide_server.catalogue import Catalogue
+    from meshtide_server.catalogue import Box, Catalogue
     from meshtide_server.settings import Settings
     from meshtide_server.store import Store
 
@@ -160,20 +160,20 @@ class Ingestion:
         if chosen.mesh is None and (twin := await self._ready_twin(chosen)) is not None:
             return twin, "kept"
         if suffix == TIDE_SUFFIX:
-            stream = await asyncio.to_thread(_unchanged_bytes, chosen)
+            stream, box = await asyncio.to_thread(_unchanged_bytes, chosen), None
         else:
-            stream = await self._encoded(chosen)
+            stream, box = await self._encoded(chosen)
         for pause in PAUSES:
             try:
                 async with self._publishers:
-                    return await self._show(chosen, mesh_id, stream)
+                    return await self._show(chosen, mesh_id, stream, box)
             except (TransferError, DatabaseUnavailableError) as error:
                 logger.warning("%s cannot be published now: %s", chosen.file, error)
                 await asyncio.sleep(pause)
         async with self._publishers:
-            return await self._show(chosen, mesh_id, stream)
+            return await self._show(chosen, mesh_id, stream, box)
 
-    async def _encoded(self, chosen: ChosenFile) -> bytes:
+    async def _encoded(self, chosen: ChosenFile) -> tuple[bytes, Box | None]:
         settings = self._settings
         task = FileTask(
             chosen.file.absolute(),
@@ -187,14 +187,14 @@ class Ingestion:
         outcome = await self._encoders.encode(task)
         if outcome.stream is None:
             raise MeshFileError(outcome.error or _changed(chosen))
-        return outcome.stream
+        return outcome.stream, outcome.box
 
-    async def _show(self, chosen: ChosenFile, mesh_id: str, stream: bytes) -> tuple[str, str]:
+    async def _show(self, chosen: ChosenFile, mesh_id: str, stream: bytes, box: Box | None) -> tuple[str, str]:
         """Publish a stream; under another id, if somebody else has taken this one meanwhile."""
         settings = self._settings
         limits = Limits(vertices=settings.max_vertices, faces=settings.max_faces, memory=settings.max_decode_memory)
         while True:
-            told = Publication(mesh_id, chosen.file.name, self._tags, self._licence, chosen.digest)
+            told = Publication(mesh_id, chosen.file.name, self._tags, self._licence, chosen.digest, box)
             try:
                 await publish(
                     self._store, self._catalogue, stream, told, overwrite=chosen.mesh is not None, limits=limits
