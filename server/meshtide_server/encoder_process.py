@@ -143,9 +143,11 @@ class EncoderProcess:
         except EncodingFailedError:
             raise  # of this mesh only; the process takes the next one
         except (OSError, EOFError, ValueError, LookupError) as error:  # it has ended, or says what it must not
-            with suppress(TimeoutError):
-                await asyncio.wait_for(process.wait(), END_SECONDS)
-            await self.close()
+            try:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(process.wait(), END_SECONDS)
+            finally:
+                await self.close()
             raise self._early_end(process) from error
         except BaseException:
             await self.close()

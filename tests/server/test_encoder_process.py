@@ -195,7 +195,7 @@ async def test_a_job_that_uses_up_its_processor_time_fails_for_good(tmp_path: Pa
         assert not failure.value.by_process
         assert not encoder.running
         pids = set()
-        for turn in range(4):  # four times 0.6 s: what counts is the time of each
+        for turn in range(3):  # three times 0.6 s: what counts is the time of each
             assert (await encoder.encode(job_named(tmp_path, f"burn-{turn}"), quiet)).path is not None
             assert encoder._process is not None
             pids.add(encoder._process.pid)
@@ -217,6 +217,20 @@ async def test_a_process_that_ends_or_talks_nonsense_may_do_better_next_time(
     assert failure.value.by_process
     assert not encoder.running
     assert (await encoder.encode(job_named(tmp_path, "quick"), quiet)).path == tmp_path / "quick.tide"
+
+
+@pytest.mark.usefixtures("faulty")
+async def test_a_job_that_is_cancelled_while_the_end_of_its_process_is_awaited_leaves_none(
+    encoder: EncoderProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("meshtide_server.encoder_process.END_SECONDS", 30.0)
+    task = asyncio.create_task(encoder.encode(job_named(tmp_path, "garbage"), quiet))
+    await asyncio.sleep(1.5)  # it has talked nonsense, and does not end by itself
+    assert encoder.running
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert not encoder.running
 
 
 @pytest.mark.usefixtures("faulty")
@@ -247,8 +261,9 @@ async def test_what_a_process_has_started_ends_with_it(encoder: EncoderProcess, 
     begun = asyncio.Event()
 
     def note(stage: str, _: float) -> None:
-        children.append(int(stage.removeprefix("child ")))
-        begun.set()
+        if stage.startswith("child "):
+            children.append(int(stage.removeprefix("child ")))
+            begun.set()
 
     with pytest.raises(EncodingFailedError, match="ended early, with exit code 0"):
         await encoder.encode(job_named(tmp_path, "orphan"), note)
