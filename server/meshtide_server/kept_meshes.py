@@ -10,6 +10,7 @@ Streams of a store that is a folder are read where they lie; those of any other 
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections import OrderedDict
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -22,17 +23,20 @@ from meshtide_server.identifiers import is_id
 from meshtide_server.packet_index import PacketIndex, PacketPlace
 from meshtide_server.single_flight import SingleFlight
 from meshtide_server.storage import FileStorage, Storage
-from meshtide_server.store import StoreError, stream_key
+from meshtide_server.store import DamagedObjectError, StoreError, stream_key
 from meshtide_server.store.local import LocalStore
 from meshtide_server.store_storage import StoreStorage
 
 if TYPE_CHECKING:
     from collections.abc import Container
+    from pathlib import Path
 
     from meshtide_server.block_cache import BlockCache
     from meshtide_server.catalogue import Catalogue, MeshRecord
     from meshtide_server.searching import Search
     from meshtide_server.store import Store
+
+logger = logging.getLogger("meshtide.server")
 
 KNOWN = 1000
 """Meshes, and streams, that are kept in memory at most; others are looked up in the catalogue."""
@@ -215,11 +219,11 @@ class KeptMeshes:
         header = await asyncio.to_thread(StreamHeader.from_bytes, record.header)
         storage: Storage
         if isinstance(self.store, LocalStore):
-            storage = await asyncio.to_thread(FileStorage, self.store.path(stream_key(sha256)))
+            storage = await asyncio.to_thread(_file, self.store.path(stream_key(sha256)))
         else:
             storage = StoreStorage(self.store, stream_key(sha256), header, record.header, record.packets, self.cache)
         if storage.size != record.size:
-            raise StoreError(f"stream {sha256} has {storage.size} bytes, the catalogue knows {record.size}")
+            raise _damaged(f"stream {sha256} has {storage.size} bytes, the catalogue knows {record.size}")
         stream = HostedStream(header, record.header, storage, record.packets)
         self._streams[sha256] = stream
         self._packets.add(sha256, stream)
@@ -234,6 +238,18 @@ class KeptMeshes:
             self._packets.remove(sha256)
             self._packet_count -= len(stream.packet_digests)
             self.cache.forget(stream_key(sha256))
+
+
+def _file(path: Path) -> FileStorage:
+    try:
+        return FileStorage(path)
+    except FileNotFoundError as error:
+        raise _damaged(f"{path} is gone from the store") from error
+
+
+def _damaged(what: str) -> DamagedObjectError:
+    logger.error("%s; publish the mesh again", what)
+    return DamagedObjectError(f"{what}; publish the mesh again")
 
 
 def shown(record: MeshRecord, stream: HostedStream | None = None) -> HostedMesh:

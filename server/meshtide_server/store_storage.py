@@ -17,7 +17,7 @@ from meshtide_codec.errors import TransferError
 from meshtide_codec.stream.container import preamble
 from meshtide_server import metrics
 from meshtide_server.storage import AbsentError, Closing
-from meshtide_server.store import DamagedObjectError, StoreError
+from meshtide_server.store import DamagedObjectError, MissingObjectError, ObjectRangeError, StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -100,7 +100,7 @@ class StoreStorage:
     async def _fetch(self, index: int) -> bytes:
         start, end = self.starts[index], self.starts[index + 1]
         try:
-            data = await self._store.get_range(self.key, start, end)
+            data = await self._read(start, end)
             await asyncio.to_thread(self._verify, index, data)
         except (TransferError, OSError) as error:
             damaged = isinstance(error, DamagedObjectError)
@@ -109,6 +109,15 @@ class StoreStorage:
             raise
         metrics.store_read(metrics.ReadOutcome.DONE, len(data))
         return data
+
+    async def _read(self, start: int, end: int) -> bytes:
+        """Bytes of the object; that it is gone, or shorter than it was, is damage, and no passing trouble."""
+        try:
+            return await self._store.get_range(self.key, start, end)
+        except MissingObjectError as error:
+            raise DamagedObjectError(f"object {self.key!r} is gone from the store; publish the mesh again") from error
+        except ObjectRangeError as error:
+            raise DamagedObjectError(f"object {self.key!r} is damaged: {error}; publish the mesh again") from error
 
     def _verify(self, index: int, data: bytes) -> None:
         start, end = self.starts[index], self.starts[index + 1]

@@ -239,7 +239,10 @@ async def test_a_file_of_another_size_is_told(catalogue: Catalogue, tmp_path: Pa
     store = LocalStore(tmp_path / "store")
     mesh = await publish(store, catalogue, make_stream(), Publication("a", "a"))
     await store.put(stream_key(mesh.stream or ""), b"short")
-    with pytest.raises(StoreError, match="has 5 bytes, the catalogue knows 7"):
+    with pytest.raises(DamagedObjectError, match="has 5 bytes, the catalogue knows 7"):
+        await kept_of(store, catalogue).find("a")
+    await store.delete(stream_key(mesh.stream or ""))
+    with pytest.raises(DamagedObjectError, match="is gone from the store; publish the mesh again"):
         await kept_of(store, catalogue).find("a")
 
 

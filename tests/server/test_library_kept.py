@@ -170,6 +170,22 @@ def test_a_catalogue_that_does_not_answer_is_told(
         assert httpx.get(server.url + path).status_code == 200, path
 
 
+def test_a_stream_that_is_gone_or_damaged_is_told(tmp_path: Path, serve: Callable[[Settings], LiveServer]) -> None:
+    where = settings(tmp_path / "data")
+    published(where, make_stream(3), "vase")
+    (stream,) = (tmp_path / "data" / "store" / "streams").iterdir()
+    server = serve(where)
+    stream.write_bytes(b"short")
+    answer = httpx.get(f"{server.url}/meshes/vase.tide")
+    assert (answer.status_code, answer.json()["error"]) == (500, "mesh-failed")
+    assert "its operator finds the details in the log" in answer.json()["message"]
+    assert str(tmp_path) not in answer.text
+    stream.unlink()
+    assert httpx.get(f"{server.url}/meshes/vase").json()["error"] == "mesh-failed"
+    published(where, make_stream(3), "vase")
+    assert httpx.get(f"{server.url}/meshes/vase.tide").content == make_stream(3)
+
+
 def test_foreign_questions_are_refused(folder: Path, serve: Callable[[Settings], LiveServer]) -> None:
     server = serve(Settings(directory=folder, rescan_seconds=0))
     queries = ["limit=0", "limit=x", "box=1,2,3", "box=a,b,c,d,e,f", "box=nan,0,0,1,1,1", "status=odd", "q=%00"]

@@ -11,7 +11,7 @@ from meshtide_codec.stream.container import ContainerReader
 from meshtide_server import store_storage
 from meshtide_server.block_cache import BlockCache
 from meshtide_server.storage import AbsentError
-from meshtide_server.store import DamagedObjectError, MissingObjectError, StoreError
+from meshtide_server.store import DamagedObjectError, StoreError
 from meshtide_server.store.memory import MemoryStore
 from meshtide_server.store_storage import StoreStorage
 
@@ -140,7 +140,10 @@ async def test_a_store_that_dies_ends_in_an_error_and_comes_back(monkeypatch: py
         assert await opened.fetch(middle, storage.size) == WHOLE[middle:]
     await store.delete(KEY)
     storage.cache.forget(KEY)
-    with storage.open() as opened, pytest.raises(MissingObjectError):
+    with storage.open() as opened, pytest.raises(DamagedObjectError, match="is gone from the store"):
+        await opened.fetch(middle, storage.size)
+    await store.put(KEY, WHOLE[:-1])
+    with storage.open() as opened, pytest.raises(DamagedObjectError, match="is damaged: bytes .* are no range of"):
         await opened.fetch(middle, storage.size)
 
 
