@@ -1,4 +1,4 @@
-"""The table of load figures: python tests/bench/load/all.py [--reach]; takes about three minutes.
+"""The table of load figures: python tests/bench/load/all.py [--reach]; takes about five minutes.
 
 Runs the programs beside it one after the other and prints their rows as one Markdown table. With --reach, the number of
 clients is the larger one of 5000 idle and 1000 streaming. Ends with exit code 1 if a bound does not hold.
@@ -21,6 +21,8 @@ PROGRAMS = (
     ("idle_memory.py",),
     ("first_packet.py",),
     ("killed_server.py",),
+    ("large_catalogue.py",),
+    ("store_throughput.py",),
 )
 REACH = ("concurrent_streams.py", "--clients", "1000", "--idle", "5000")
 
