@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import random
+from collections.abc import AsyncIterator
 from datetime import timedelta
 
 import pytest
 
-from meshtide_server.catalogue import Catalogue, MeshExistsError, MeshRecord
+from meshtide_server.catalogue import Catalogue, Job, JobState, MeshExistsError, MeshRecord
+from meshtide_server.store import ObjectInfo
+from meshtide_server.store.memory import MemoryStore
+from meshtide_server.uploads import collect_orphans, receive
 
 KEY = "sources/a.obj"
 NO_TIME = timedelta(0)
@@ -88,3 +93,73 @@ async def test_many_keys_are_asked_for_at_once(catalogue: Catalogue) -> None:
     await catalogue.sources.expect("sources/1234.obj")
     found = await catalogue.sources.needed(f"sources/{number}.obj" for number in range(1300))
     assert found == {"sources/777.obj", "sources/1234.obj"}
+
+
+class SlowStore(MemoryStore):
+    """A store that takes its time, so that everything happens in between."""
+
+    async def head(self, key: str) -> ObjectInfo:
+        await asyncio.sleep(0.002)
+        return await super().head(key)
+
+    async def delete(self, key: str) -> None:
+        await asyncio.sleep(0.002)
+        await super().delete(key)
+
+
+class Traffic:
+    """Uploads of the same few files, workers, and the search for orphans, each of whom may die at any step."""
+
+    def __init__(self, catalogue: Catalogue, seed: int) -> None:
+        self.catalogue = catalogue
+        self.store = SlowStore()
+        self.pick = random.Random(seed)
+        self.uploading = True
+        self.attempts = 0
+
+    async def upload(self, first: int) -> None:
+        for number in range(first, first + 10):
+            received = await receive(self.body(), ".obj", self.store, self.catalogue, limit=10, stall_seconds=5.0)
+            if self.pick.random() < 0.8:  # else killed before it was acknowledged
+                mesh, options = MeshRecord(f"m{number}", "a"), {"bits": number}
+                await self.catalogue.add_with_job(mesh, received.key, options, note=received.note)
+
+    async def body(self) -> AsyncIterator[bytes]:
+        yield self.pick.choice((b"one", b"two", b"three"))
+
+    async def work(self, owner: str) -> None:
+        while True:
+            job = await self.catalogue.jobs.claim(owner)
+            if job is not None:
+                await self.attempt(job, owner)
+            elif not self.uploading:
+                return
+            await asyncio.sleep(0.005)
+
+    async def attempt(self, job: Job, owner: str) -> None:
+        assert await self.store.get(job.source_key)
+        if self.pick.random() < 0.3:
+            await self.catalogue.jobs.fail(job.id, owner, "a crash", retry=self.pick.random() < 0.5)
+        else:
+            await self.catalogue.jobs.finish(job.id, owner)
+        self.attempts += 1
+        if self.pick.random() < 0.7:  # else killed before it could
+            await self.catalogue.sources.collect(job.source_key, self.store.delete)
+
+    async def sweep(self) -> None:
+        while self.uploading:
+            await collect_orphans(self.store, self.catalogue, LONG)
+            await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+async def test_no_job_ever_misses_its_file_whoever_dies_when(catalogue: Catalogue, seed: int) -> None:
+    traffic = Traffic(catalogue, seed)
+    others = asyncio.gather(*(traffic.work(f"worker {number}") for number in range(3)), traffic.sweep())
+    await asyncio.gather(*(traffic.upload(100 * turn) for turn in range(3)))
+    traffic.uploading = False
+    await others
+    assert traffic.attempts > 10
+    assert not (await catalogue.jobs.counts())[JobState.QUEUED]
+    await collect_orphans(traffic.store, catalogue, NO_TIME)
+    assert [info.key async for info in traffic.store.list()] == []
