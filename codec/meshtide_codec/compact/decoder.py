@@ -60,7 +60,10 @@ class CompactDecoder:
         slices = self._options.slices
         root = root_level(header.vertices)
         deep = DeepLayers.DIFFS in self._options.deep
-        self._coders = [DifferenceCoder(root, slices, i, self._options.mirror, deep=deep) for i in range(len(slices))]
+        self._coders = [
+            DifferenceCoder(root, slices, i, self._options.mirror, deep=deep, in_parts=self._in_parts)
+            for i in range(len(slices))
+        ]
         self._diffs: list[dict[int, bytes]] = [{} for _ in self._coders]
         self._shifts = [] if perturb is None else [SliceShifts(self._bits, i, perturb) for i in range(len(slices))]
         self._taken: set[tuple[PacketKind, int, int]] = set()

@@ -1,14 +1,16 @@
 """Diff packets of a compact stream: one or more bit planes of one slice.
 
-A packet that holds a single depth's bit plane is that Diff; one that holds several is so many parts. Bit planes that
-are small travel together, since each packet costs about ten bytes of header.
+Bit planes that are small travel together, since each packet costs about ten bytes of header. They are range-coded in
+one go; before format version 3 each was a part of its own.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from meshtide_codec.compact.diff_coder import decode_diff, encode_diff, new_slice_state, read_diff, write_diff
+from meshtide_codec.compact.diff_coder import decode_diff, new_slice_state, read_diff, write_diff
+from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import DiffError
 from meshtide_codec.stream.parts import split_parts
 from meshtide_codec.stream.plain_values import BadValueError
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from meshtide_codec.compact.mirror import Mirror
     from meshtide_codec.compact.octree import Octree
     from meshtide_codec.compact.slices import Slices
-    from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 
 SMALL_PACKET = 64
 """Bytes below which a bit plane waits for the next one."""
@@ -36,32 +37,53 @@ class DifferenceCoder:
         index: which of them.
         mirror: the plane of symmetry, if one is used.
         deep: whether they are coded deeply.
+        in_parts: whether packets that are read are made of parts, as before format version 3.
     """
 
-    def __init__(self, root: Level, slices: Slices, index: int, mirror: Mirror | None, *, deep: bool = False) -> None:
+    def __init__(
+        self,
+        root: Level,
+        slices: Slices,
+        index: int,
+        mirror: Mirror | None,
+        *,
+        deep: bool = False,
+        in_parts: bool = False,
+    ) -> None:
+        self._in_parts = in_parts
         self.state: SliceState = new_slice_state(root, slices, index, deep=deep)
         self._slices = slices
         self._index = index
         self._mirror = mirror
 
-    def encode(self, octree: Octree, depth: int) -> bytes:
-        """The bit plane of `depth`, which must be the next one."""
-        return encode_diff(octree, depth, self.state, self._slices, self._index, self._mirror)
-
     def write(self, writer: PayloadWriter, octree: Octree, depth: int) -> None:
-        """Like `encode`, into a payload that holds more."""
+        """Add the bit plane of `depth`, which must be the next one, to a payload."""
         write_diff(writer, octree, depth, self.state, self._slices, self._index, self._mirror)
 
     def read(self, reader: PayloadReader, level: Level) -> None:
-        """Take the bit plane of a level, which must be the next one, from a payload that may hold more."""
+        """Take the bit plane of a level, which must be the next one, from a payload."""
         read_diff(reader, level, self.state, self._slices, self._index, self._mirror)
 
     def decode(self, payload: bytes, levels: Sequence[Level]) -> None:
         """Take a packet that holds the bit planes of the depths of `levels`, which must be the next ones.
 
         Raises:
-            DiffError: the payload is damaged; bit planes before the damage are kept.
+            DiffError: the payload is damaged; none of its bit planes is kept, before version 3 those before the damage.
         """
+        if self._in_parts:
+            self._decode_parts(payload, levels)
+            return
+        reader = PayloadReader(payload)
+        before = replace(self.state)
+        for level in levels:
+            self.read(reader, level)
+        if not reader.finished:
+            self.state = before
+            raise DiffError(
+                f"bytes follow the last bit plane of slice {self._index}; the stream is damaged", offset=reader.offset
+            )
+
+    def _decode_parts(self, payload: bytes, levels: Sequence[Level]) -> None:
         try:
             parts = split_parts(payload, len(levels))
         except BadValueError as error:
@@ -75,24 +97,24 @@ class DifferenceCoder:
         return self.state.depth
 
 
-def packet_depths(planes: dict[int, list[bytes]], base_depth: int, needed: int) -> list[int]:
-    """At which depths Diff packets end.
+def encode_packets(
+    octree: Octree, coders: Sequence[DifferenceCoder], base_depth: int, needed: int
+) -> dict[int, list[bytes]]:
+    """The Diff packets by the depth at which they end, slice by slice.
 
     Args:
-        planes: the bit planes of each depth from 1 on, slice by slice.
+        octree: the mesh.
+        coders: of all slices, before their first bit planes.
         base_depth: no packet ends before this depth.
         needed: the last depth whose bit plane moves any vertex, 0 if none does.
-
-    >>> packet_depths({depth: [bytes(size)] for depth, size in enumerate([0, 9, 99, 0, 0, 20], start=1)}, 2, 6)
-    [3, 6]
     """
-    depths = []
-    waiting = 0
-    for depth in range(1, needed + 1):
-        waiting += max(map(len, planes[depth]))
-        if depth >= base_depth and (waiting >= SMALL_PACKET or depth == needed):
-            depths.append(depth)
-            waiting = 0
-    if needed and needed < base_depth:
-        depths.append(base_depth)
-    return depths
+    packets: dict[int, list[bytes]] = {}
+    writers = [PayloadWriter() for _ in coders]
+    last = max(needed, base_depth) if needed else 0
+    for depth in range(1, last + 1):
+        for coder, writer in zip(coders, writers, strict=True):
+            coder.write(writer, octree, depth)
+        if depth == last or (depth >= base_depth and max(writer.size for writer in writers) >= SMALL_PACKET):
+            packets[depth] = [writer.payload() for writer in writers]
+            writers = [PayloadWriter() for _ in coders]
+    return packets

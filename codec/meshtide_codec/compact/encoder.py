@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.compact.diff_coder import has_diff
-from meshtide_codec.compact.difference_coding import DifferenceCoder, packet_depths
+from meshtide_codec.compact.difference_coding import DifferenceCoder, encode_packets
 from meshtide_codec.compact.display_filter import choose_strength, drawn_positions
 from meshtide_codec.compact.effort import DeepLayers
 from meshtide_codec.compact.mirror import find_mirror
@@ -25,7 +25,6 @@ from meshtide_codec.compact.reliable_coding import NO_FACES, ReliableCoder
 from meshtide_codec.compact.slices import Slices, even_slices
 from meshtide_codec.shown_state import ShownState
 from meshtide_codec.stream.packets import Packet, PacketKind
-from meshtide_codec.stream.parts import join_parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -79,13 +78,12 @@ class CompactEncoding:
         report("Diffs", 0.3)
         deep = options.effort.deep_layers
         root, deep_diffs = self._octree.levels[0], DeepLayers.DIFFS in deep
-        planes = self._bit_planes(
-            [DifferenceCoder(root, slices, i, mirror, deep=deep_diffs) for i in range(len(slices))]
-        )
+        coders = [DifferenceCoder(root, slices, i, mirror, deep=deep_diffs) for i in range(len(slices))]
+        diffs = encode_packets(self._octree, coders, base_depth, self._last_needed_depth(slices))
         self.header = CompactHeader(
             base_depth=base_depth,
             strengths=bytes(choose_strength(self._octree, depth) for depth in range(base_depth, self._bits + 1)),
-            diff_depths=tuple(packet_depths(planes, base_depth, self._last_needed_depth(slices))),
+            diff_depths=tuple(diffs),
             mirror=mirror,
             slices=slices,
             previews=len(previews),
@@ -93,7 +91,7 @@ class CompactEncoding:
         )
         report("levels", 0.6)
         self._send_previews(previews)
-        self._send_levels(ReliableCoder(self._bits, len(quantized.positions), mirror), planes)
+        self._send_levels(ReliableCoder(self._bits, len(quantized.positions), mirror), diffs)
         report("levels", 1.0)
 
     def _base_depth(self, *, behind_preview: bool) -> int:
@@ -109,10 +107,6 @@ class CompactEncoding:
             return Slices(self._bits)
         finest = next(level for level in self._octree.levels if level.all_leaves)
         return even_slices(finest, self._bits, count)
-
-    def _bit_planes(self, coders: list[DifferenceCoder]) -> dict[int, list[bytes]]:
-        """The bit planes of each depth from 1 on, slice by slice."""
-        return {depth: [coder.encode(self._octree, depth) for coder in coders] for depth in range(1, self._bits + 1)}
 
     def _last_needed_depth(self, slices: Slices) -> int:
         """The last depth at which a leaf is coarser than it could be."""
@@ -131,7 +125,7 @@ class CompactEncoding:
             draw = partial(preview.drawn, self._bits)
             self.states.append(ShownState(level, len(self.packets), len(preview.cells), preview.faces, draw))
 
-    def _send_levels(self, reliable: ReliableCoder, planes: dict[int, list[bytes]]) -> None:
+    def _send_levels(self, reliable: ReliableCoder, diffs: dict[int, list[bytes]]) -> None:
         """All levels from the coarsest on; a state is listed wherever a level gains something."""
         known_depth = 0
         for depth in range(self.header.base_depth, self._bits + 1):
@@ -141,10 +135,9 @@ class CompactEncoding:
                 self._send(PacketKind.BASE, self._bits - depth, 0, reliable.encode_base(self._octree, depth))
             elif not coarse.all_leaves:
                 self._send(PacketKind.MAP_CONN, self._bits - depth, 0, reliable.encode_map_conn(coarse, fine))
-            if depth in self.header.diff_depths:
-                for index in range(len(self.header.slices)):
-                    since = [planes[plane][index] for plane in range(known_depth + 1, depth + 1)]
-                    self._send(PacketKind.DIFF, self._bits - depth, index, join_parts(since))
+            if depth in diffs:
+                for index, payload in enumerate(diffs[depth]):
+                    self._send(PacketKind.DIFF, self._bits - depth, index, payload)
                 known_depth = depth
             if len(self.packets) > sent or depth == self._bits:
                 faces = NO_FACES if fine.faces is None else fine.faces

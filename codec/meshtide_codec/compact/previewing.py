@@ -113,7 +113,7 @@ def decode_preview_in_parts(payload: bytes, bits: int, limits: Limits) -> GridPr
     limits.check_mesh(count, 0)
     levels = ReliableCoder(bits, count, None, in_parts=True).decode_base(base, deepest, limits)
     _deepen(levels, bits)
-    coder = DifferenceCoder(levels[0], Slices(bits), 0, None)
+    coder = DifferenceCoder(levels[0], Slices(bits), 0, None, in_parts=True)
     coder.decode(join_parts(planes), levels[1:])
     return _preview(bits, levels, coder)
 

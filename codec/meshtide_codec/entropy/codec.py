@@ -59,6 +59,11 @@ class PayloadWriter:
         """Forget what was written since `mark`."""
         self._coder[:] = mark
 
+    @property
+    def size(self) -> int:
+        """Bytes so far, but for those that a decoder needs to tell the last decisions."""
+        return int(self._coder[range_coder.POSITION] + self._coder[range_coder.PENDING])
+
     def payload(self) -> bytes:
         """All that was written. Zero bytes at the end are left out: a decoder reads zeros there."""
         self.write(range_coder.flush)
@@ -85,7 +90,9 @@ class PayloadReader:
 
     @property
     def finished(self) -> bool:
-        """Whether decoders that have finished stand where the payload ends."""
+        """Whether decoders that have finished stand where the payload ends; it is empty if they have read nothing."""
+        if self.coder[range_coder.RANGE] == range_coder.MASK:  # as at the start: no decision leaves it there
+            return len(self.buffer) == 0
         return fully_read(self.coder, self.buffer)
 
     @property

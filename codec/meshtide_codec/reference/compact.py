@@ -43,7 +43,9 @@ def decode_compact(stream: Stream, number: int) -> Drawn:
         for index, state in enumerate(states):
             payload = packets.get((DIFF, stream.bits - depth, index))
             if payload is not None:
-                _decode_diff(payload, state, levels[state.depth + 1 : depth + 1])
+                new = levels[state.depth + 1 : depth + 1]
+                parts = split_parts(payload, len(new)) if stream.version < 3 else [payload]
+                _decode_diff(parts, state, new)
     level = levels[stream.bits - number]
     strength = shape.strengths[level.depth - shape.base_depth]
     return drawn(level, known_cells(level, states, stream.bits), strength), level.faces
@@ -95,8 +97,10 @@ def _decode_levels(stream: Stream, packets: dict[Key, bytes], base_depth: int, m
     return levels
 
 
-def _decode_diff(payload: bytes, state: SliceDecoder, levels: list[Level]) -> None:
-    """A packet with the bit planes of the depths of `levels`."""
-    for part, level in zip(split_parts(payload, len(levels)), levels, strict=True):
+def _decode_diff(parts: list[bytes], state: SliceDecoder, levels: list[Level]) -> None:
+    """A packet with the bit planes of the depths of `levels`, in one part or each in one."""
+    share = len(levels) // len(parts)
+    for index, part in enumerate(parts):
         with RangeDecoder(part) as decoder:
-            state.decode(decoder, level)
+            for level in levels[index * share : (index + 1) * share]:
+                state.decode(decoder, level)
