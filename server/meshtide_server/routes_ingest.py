@@ -24,7 +24,7 @@ from meshtide_server.identifiers import unique_id
 from meshtide_server.models import Problem
 from meshtide_server.problems import RefusedError
 from meshtide_server.settings import Profile  # noqa: TC001 - pydantic reads the annotations
-from meshtide_server.uploads import Upload, checked_suffix, receive
+from meshtide_server.uploads import Upload, check_size, checked_suffix, receive
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterable
@@ -259,9 +259,13 @@ async def _events(request: Request, job: Job) -> AsyncIterator[str]:
 async def _received(request: Request, query: UploadQuery) -> Upload:
     """The body of an upload, in the store."""
     kept, settings = kept_of(request), _settings(request)
+    suffix = checked_suffix(query.filename)
+    announced = request.headers.get("Content-Length", "")
+    if announced.isdecimal():
+        check_size(int(announced), settings.max_upload)  # before any of it is read
     return await receive(
         request.stream(),
-        checked_suffix(query.filename),
+        suffix,
         kept.store,
         kept.catalogue,
         limit=settings.max_upload,

@@ -71,6 +71,17 @@ def checked_suffix(filename: str) -> str:
     return suffix
 
 
+def check_size(size: int, limit: int) -> None:
+    """Hold the size of an upload, as far as it is known, against what this server takes.
+
+    Raises:
+        RefusedError: 413, it is larger.
+    """
+    if size > limit:
+        message = f"the upload is longer than the {limit} bytes that this server takes (MESHTIDE_MAX_UPLOAD)"
+        raise RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too-large", message)
+
+
 async def receive(
     body: AsyncIterator[bytes], suffix: str, store: Store, catalogue: Catalogue, *, limit: int, stall_seconds: float
 ) -> Upload:
@@ -94,9 +105,7 @@ async def receive(
     with tempfile.TemporaryFile() as file:
         async for piece in _flowing(body, stall_seconds):
             size += len(piece)
-            if size > limit:
-                message = f"the upload is longer than the {limit} bytes that this server takes (MESHTIDE_MAX_UPLOAD)"
-                raise RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too-large", message)
+            check_size(size, limit)
             digest.update(piece)
             await asyncio.to_thread(file.write, piece)
         if size == 0:

@@ -192,6 +192,14 @@ def test_an_upload_that_stands_still_is_refused_and_leaves_nothing(folder: Path,
         assert [row["id"] for row in httpx.get(f"{live.url}/meshes").json()] == ["small"]
 
 
+def test_an_upload_that_says_that_it_is_too_large_is_refused_before_it_is_read(server: LiveServer) -> None:
+    parts = urlsplit(server.url)
+    head = f"POST /meshes?filename=a.obj HTTP/1.1\r\nHost: h\r\nAuthorization: Bearer {TOKEN}\r\n"
+    with socket.create_connection((parts.hostname, parts.port), timeout=20) as connection:
+        connection.sendall(f"{head}Content-Length: 200001\r\n\r\n".encode())
+        assert connection.recv(4096).startswith(b"HTTP/1.1 413 ")
+
+
 def test_a_client_that_leaves_in_the_middle_of_an_upload_is_no_fault_of_the_server(
     server: LiveServer, caplog: pytest.LogCaptureFixture
 ) -> None:
