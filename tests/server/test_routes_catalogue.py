@@ -75,14 +75,25 @@ def test_what_cannot_be_changed_is_told(live: LiveServer) -> None:
         assert (answer.status_code, answer.json()["error"]) == (status, code)
 
 
-@pytest.mark.parametrize(
-    "told",
-    [{}, {"name": ""}, {"name": "a\x00"}, {"name": "x" * 201}, {"tags": ["x" * 101]}, {"tags": ["a"] * 51},
-     {"tags": "a"}, {"licence": "\x00"}, {"licence": "x" * 20_001}, {"id": "other"}, {"size": 3}],
-)  # fmt: skip
-def test_odd_changes_are_refused(live: LiveServer, told: dict[str, object]) -> None:
-    answer = change(live, "vase", **told)
-    assert (answer.status_code, answer.json()["error"]) == (422, "invalid")
+ODD_CHANGES: tuple[dict[str, object], ...] = (
+    {},
+    {"name": ""},
+    {"name": "a\x00"},
+    {"name": "x" * 201},
+    {"tags": ["x" * 101]},
+    {"tags": ["a"] * 51},
+    {"tags": "a"},
+    {"licence": "\x00"},
+    {"licence": "x" * 20_001},
+    {"id": "other"},
+    {"size": 3},
+)
+
+
+def test_odd_changes_are_refused(live: LiveServer) -> None:
+    for told in ODD_CHANGES:
+        answer = change(live, "vase", **told)
+        assert (answer.status_code, answer.json()["error"]) == (422, "invalid"), told
 
 
 def test_tags_are_listed(live: LiveServer, serve: Callable[[Settings], LiveServer], folder: Path) -> None:
