@@ -11,6 +11,7 @@ printed, as ratios to those of effort default.
 from __future__ import annotations
 
 import argparse
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -19,15 +20,25 @@ import numpy.typing as npt
 from train_geometry import Gathered, octree_of, training_octrees
 
 from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
+from meshtide_codec.compact.map_coder import encode_map
 from meshtide_codec.compact.mirror import find_mirror
-from meshtide_codec.compact.models import DeepModels, Models, new_diff_models, untrained_deep_diff_models
+from meshtide_codec.compact.models import (
+    DeepModels,
+    Models,
+    new_diff_models,
+    new_map_models,
+    untrained_deep_diff_models,
+    untrained_deep_map_models,
+)
 from meshtide_codec.compact.slices import Slices
 from meshtide_codec.files import load_mesh
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from meshtide_codec.compact.octree import Octree
 
-AnyModels = TypeVar("AnyModels", Models, DeepModels)
+SomeModels = TypeVar("SomeModels", bound=Models)
 ROUNDS = 8
 
 
@@ -64,7 +75,7 @@ class GatheredDeeply:
         return DeepModels(self._contexts.states().contexts, *means)
 
 
-def code_diffs(octree: Octree, models: AnyModels) -> tuple[int, AnyModels]:
+def code_diffs(octree: Octree, models: SomeModels) -> tuple[int, SomeModels]:
     """Bytes of all Diffs of a mesh, and what the models have become."""
     mirror = find_mirror(octree.positions, octree.bits)
     slices = Slices(octree.bits)
@@ -73,13 +84,21 @@ def code_diffs(octree: Octree, models: AnyModels) -> tuple[int, AnyModels]:
     return size, state.models  # type: ignore[return-value]
 
 
-def train_diffs(octrees: list[Octree]) -> DeepModels:
-    """The states that the Diff coder should begin with."""
-    models = untrained_deep_diff_models()
+def code_maps(octree: Octree, models: SomeModels) -> tuple[int, SomeModels]:
+    """Bytes of all Maps of a mesh, and what the models have become."""
+    mirror = find_mirror(octree.positions, octree.bits)
+    pairs = [(coarse, fine) for coarse, fine in pairwise(octree.levels) if not coarse.all_leaves]
+    return sum(len(encode_map(coarse, fine, octree.bits, models, mirror)) for coarse, fine in pairs), models
+
+
+def train(
+    octrees: list[Octree], models: DeepModels, code: Callable[[Octree, DeepModels], tuple[int, DeepModels]]
+) -> DeepModels:
+    """The states that a coder should begin with, from untrained ones."""
     for _ in range(ROUNDS):
         gathered = GatheredDeeply(models)
         for octree in octrees:
-            _, learnt = code_diffs(octree, gathered.start())
+            _, learnt = code(octree, gathered.start())
             gathered.add(learnt, len(octree.positions))
         models = gathered.states()
     return models
@@ -104,13 +123,14 @@ def main() -> None:
     parser.add_argument("--output", type=Path, required=True)
     arguments = parser.parse_args()
     octrees = training_octrees([load_mesh(path) for path in arguments.meshes])
-    diff_models = train_diffs(octrees)
+    map_models = train(octrees, untrained_deep_map_models(), code_maps)
+    diff_models = train(octrees, untrained_deep_diff_models(), code_diffs)
     for path in arguments.test:
         octree = octree_of(load_mesh(path), 12)
-        default, _ = code_diffs(octree, new_diff_models())
-        high, _ = code_diffs(octree, diff_models.copy())
-        print(f"  {path.name:28} {len(octree.positions):6} vertices  diff {high / default:.4f}")
-    np.savez_compressed(arguments.output, **packed("diff", diff_models))
+        maps = code_maps(octree, map_models.copy())[0] / code_maps(octree, new_map_models())[0]
+        diffs = code_diffs(octree, diff_models.copy())[0] / code_diffs(octree, new_diff_models())[0]
+        print(f"  {path.name:28} {len(octree.positions):6} vertices  map {maps:.4f}  diff {diffs:.4f}")
+    np.savez_compressed(arguments.output, **packed("map", map_models), **packed("diff", diff_models))
     print(f"{arguments.output}: {arguments.output.stat().st_size} bytes")
 
 

@@ -53,7 +53,9 @@ class CompactDecoder:
             if entry.kind is PacketKind.MAP_CONN and entry.level not in self._face_counts:
                 raise ContainerError(f"damaged stream header: its level table lacks level {entry.level}")
         self._in_parts = header.version < PLACES_BY_PACKETS
-        self._reliable = ReliableCoder(header.bits, header.vertices, self._options.mirror, in_parts=self._in_parts)
+        self._reliable = ReliableCoder(
+            header.bits, header.vertices, self._options.mirror, in_parts=self._in_parts, deep=self._options.deep
+        )
         self._levels: list[Level] = []
         self._waiting: dict[int, bytes] = {}
         self._previews: dict[int, GridPreview] = {}

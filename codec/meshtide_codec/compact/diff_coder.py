@@ -55,14 +55,14 @@ class SliceState:
     errors: NDArray[np.float64]
     partners: NDArray[np.int32]
     outcomes: NDArray[np.uint8]
-    models: Models | DeepModels
+    models: Models
 
 
 def new_slice_state(
     root: Level,
     slices: Slices,
     slice_index: int,
-    models: Models | DeepModels | None = None,
+    models: Models | None = None,
     *,
     deep: bool = False,
 ) -> SliceState:
@@ -325,7 +325,7 @@ class _BitPlane:
         targets: NDArray[np.int32],
         outcomes: NDArray[np.uint8],
         partners: NDArray[np.int32],
-        models: Models | DeepModels,
+        models: Models,
     ) -> SliceState:
         """The state after this Diff: its vertices, and the leaves that arose at this depth."""
         level = self.level

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
         Rows, Rows, Rows, Rows, Rows, Rows, Predictions, Classes, Opinions, Opinions, Inputs, Opinions, Inputs
     ]
 
+RATE = 17
+
 _NO_ERROR = -1.0  # surface error of a vertex that this bit plane has not coded
 _OWN_SHARE = 0.5  # weight of a vertex' own last error among the errors of the surface at its neighbours
 _OWN_SCALE = 0.7
@@ -186,6 +188,7 @@ def _code_vertex(
             signs,
             inputs,
             outputs,
+            RATE,
             given,
         )
         step = 2.0 * bit - 1.0

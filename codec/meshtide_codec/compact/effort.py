@@ -26,4 +26,5 @@ class DeepLayers(enum.IntFlag, boundary=enum.STRICT):
 
     NONE = 0
     DIFFS = 1
-    ALL = DIFFS
+    MAPS = 2
+    ALL = DIFFS | MAPS

@@ -91,7 +91,7 @@ class CompactEncoding:
         )
         report("levels", 0.6)
         self._send_previews(previews)
-        self._send_levels(ReliableCoder(self._bits, len(quantized.positions), mirror), diffs)
+        self._send_levels(ReliableCoder(self._bits, len(quantized.positions), mirror, deep=deep), diffs)
         report("levels", 1.0)
 
     def _base_depth(self, *, behind_preview: bool) -> int:

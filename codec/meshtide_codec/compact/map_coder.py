@@ -13,7 +13,10 @@ import numpy as np
 
 from meshtide_codec.compact import map_kernels
 from meshtide_codec.compact.level import Level
+from meshtide_codec.compact.map_deep_kernels import new_deep_map
+from meshtide_codec.compact.map_surface_kernels import new_cell_surfaces
 from meshtide_codec.compact.mirror import mirrored_cells
+from meshtide_codec.compact.models import DeepModels, Models
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import MapConnError
 
@@ -21,7 +24,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.compact.mirror import Mirror
-    from meshtide_codec.compact.models import Models
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
 PACKET = "Map&Conn"
@@ -43,7 +45,12 @@ def encode_map(coarse: Level, fine: Level, bits: int, models: Models, mirror: Mi
 
 
 def write_map(
-    writer: PayloadWriter, coarse: Level, fine: Level, bits: int, models: Models, mirror: Mirror | None
+    writer: PayloadWriter,
+    coarse: Level,
+    fine: Level,
+    bits: int,
+    models: Models,
+    mirror: Mirror | None,
 ) -> None:
     """Like `encode_map`, into a payload that holds more."""
     occupied, leaf = _child_bits(coarse, fine)
@@ -132,12 +139,16 @@ def _run(
     vertex_limit: int,
 ) -> int:
     images, axis = mirrored_cells(coarse, mirror)
+    deep = None
+    if isinstance(models, DeepModels):
+        deep = new_deep_map(models.mixer, new_cell_surfaces(coarse.centres))
     return int(
         map_kernels.code_map(
             coder,
             buffer,
             models.contexts,
             models.weights,
+            deep,
             coarse.centres,
             coarse.leaves,
             (coarse.depth - coarse.cell_depths).astype(np.uint8),

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.compact import map_survey_kernels as surveys
+from meshtide_codec.compact.map_deep_layout import HEARD_CONTEXTS
 from meshtide_codec.compact.map_layout import MIRROR_TRUST_LIMIT
 from meshtide_codec.compact.map_leaf_kernels import code_leaf_flags
 from meshtide_codec.compact.map_octant_kernels import code_children, mirrored_children
+from meshtide_codec.compact.map_surface_kernels import fit_cell, note_children
 from meshtide_codec.compact.ring_kernels import RING_LIMIT
 from meshtide_codec.compilation import borrowing_kernel, kernel
 from meshtide_codec.entropy.mixing_kernels import INPUTS
@@ -22,6 +24,7 @@ from meshtide_codec.entropy.mixing_kernels import INPUTS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from meshtide_codec.compact.map_deep_kernels import DeepMap
     from meshtide_codec.compact.map_survey_kernels import Scratch
     from meshtide_codec.compact.ring_kernels import Rings
     from meshtide_codec.entropy.mixing_kernels import Opinions, Weights
@@ -37,6 +40,7 @@ def code_map(
     buffer: Buffer,
     contexts: Contexts,
     weights: Weights,
+    deep: DeepMap | None,
     centres: NDArray[np.int32],
     leaves: NDArray[np.bool_],
     ages: NDArray[np.uint8],
@@ -51,9 +55,10 @@ def code_map(
     """Code the children of all cells of one depth; returns their number (leaves pass on as one child each).
 
     `occupied` and `leaf` hold for each cell its children's octants as bits: read when encoding, filled when
-    decoding. `mirror_axis` is -1 without symmetry, and `mirrored_cells` is not looked at then. At the last depth all
-    children are leaves, which is not coded. A decoder stops with TOO_MANY_VERTICES as soon as the children of the
-    cells so far need more than `vertex_limit` finest vertices.
+    decoding. `mirror_axis` is -1 without symmetry, and `mirrored_cells` is not looked at then. At the last depth
+    all children are leaves, which is not coded. `deep` is None at effort default; contexts and weights are not used
+    otherwise. A decoder stops with TOO_MANY_VERTICES as soon as the children of the cells so far need more than
+    `vertex_limit` finest vertices.
     """
     vertices = len(leaves)
     survey = np.zeros(surveys.SURVEY_SIZE, np.int64)
@@ -61,8 +66,9 @@ def code_map(
     heights = np.zeros(surveys.VOTES, np.int64)
     sides = np.zeros(surveys.FACE_NEIGHBOURS, np.int64)
     offsets = np.zeros(3 * RING_LIMIT, np.int64)
-    places = np.zeros(INPUTS, np.int64)
-    signs = np.ones(INPUTS, np.int64)
+    heard = INPUTS if deep is None else HEARD_CONTEXTS
+    places = np.zeros(heard, np.int64)
+    signs = np.ones(heard, np.int64)
     child_counts = np.zeros(vertices, np.uint8)
     leaf_counts = np.zeros(vertices, np.uint8)
     return _code_cells(
@@ -70,6 +76,7 @@ def code_map(
         buffer,
         contexts,
         weights,
+        deep,
         centres,
         leaves,
         ages,
@@ -98,6 +105,7 @@ def _code_cells(
     buffer: Buffer,
     contexts: Contexts,
     weights: Weights,
+    deep: DeepMap | None,
     centres: NDArray[np.int32],
     leaves: NDArray[np.bool_],
     ages: NDArray[np.uint8],
@@ -140,11 +148,14 @@ def _code_cells(
         if mirror_axis >= 0:
             mirrored = mirrored_children(vertex, mirrored_cells, mirror_axis, occupied, leaf)
             mirror_state = 1 if mirrored < 0 else 2 + min(trust, 2)
+        if deep is not None:
+            fit_cell(vertex, survey[surveys.NEIGHBOURS], survey[surveys.CLOSED] != 0, rings, deep[4])
         pattern = code_children(
             coder,
             buffer,
             contexts,
             weights,
+            deep,
             vertex,
             minimum,
             survey,
@@ -167,6 +178,7 @@ def _code_cells(
                 buffer,
                 contexts,
                 weights,
+                deep,
                 pattern,
                 int(leaf[vertex]),
                 survey,
@@ -179,6 +191,8 @@ def _code_cells(
         leaf_count = 0
         for octant in range(8):
             leaf_count += (flags >> octant) & 1
+        if deep is not None:
+            note_children(vertex, pattern, deep[4])
         occupied[vertex] = pattern
         leaf[vertex] = flags
         child_counts[vertex] = count

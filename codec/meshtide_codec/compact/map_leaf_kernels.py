@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.compact import map_layout as layout
 from meshtide_codec.compact import map_survey_kernels as surveys
+from meshtide_codec.compact.map_deep_kernels import code_leaf_flag_deeply
 from meshtide_codec.compilation import borrowing_kernel
 from meshtide_codec.entropy.mixing_kernels import code_mixed_bit
 
 if TYPE_CHECKING:
+    from meshtide_codec.compact.map_deep_kernels import DeepMap
     from meshtide_codec.compact.map_survey_kernels import Scratch
     from meshtide_codec.entropy.mixing_kernels import Opinions, Weights
     from meshtide_codec.entropy.model_kernels import Contexts
@@ -26,6 +28,7 @@ def code_leaf_flags(
     buffer: Buffer,
     contexts: Contexts,
     weights: Weights,
+    deep: DeepMap | None,
     pattern: int,
     given: int,
     survey: Scratch,
@@ -35,10 +38,15 @@ def code_leaf_flags(
     places: Opinions,
     signs: Opinions,
 ) -> int:
-    """Code which of the children in `pattern` (two at least) are leaves; returns them as bits."""
-    count = 0
-    for octant in range(8):
-        count += (pattern >> octant) & 1
+    """Code which of the children in `pattern` (two at least) are leaves; returns them as bits.
+
+    `deep` is None at effort default.
+    """
+    count = canonical = 0
+    for rank in range(8):
+        occupied = (pattern >> surveys.canonical_octant(rank, survey)) & 1
+        count += occupied
+        canonical |= occupied << rank
     size_class = min(count, 5) - 2
     leaf_ratio = surveys.leaf_ratio_class(survey)
     coded_ratio = 5
@@ -70,19 +78,36 @@ def code_leaf_flags(
         places[3] = layout.LEAF_MIRROR + (answer * layout.MIRROR_STATES + mirror_state) * 16 + place_class
         places[4] = layout.LEAF_AGE + ((age * 16 + spacing) * 4 + size_class) * 4 + split_class
         places[5] = layout.LEAF_CODED + ((coded_ratio * 16 + degree) * 4 + size_class) * 4 + found_class
-        neuron = layout.OCCUPANCY_NEURONS + place_class * 3 + trust
-        bit = code_mixed_bit(
-            coder,
-            buffer,
-            contexts,
-            weights,
-            neuron,
-            places,
-            signs,
-            layout.RATE,
-            layout.LIMIT,
-            (given >> octant) & 1,
-        )
+        neuron = place_class * 3 + trust
+        told = (given >> octant) & 1
+        if deep is not None:
+            bit = code_leaf_flag_deeply(
+                coder,
+                buffer,
+                deep,
+                neuron,
+                octant,
+                pattern,
+                canonical,
+                found_class,
+                place_class,
+                vote,
+                leaf_ratio,
+                coded_ratio,
+                degree,
+                age,
+                spacing,
+                1 if count > 3 else 0,
+                survey,
+                places,
+                signs,
+                told,
+            )
+        else:
+            neuron += layout.OCCUPANCY_NEURONS
+            bit = code_mixed_bit(
+                coder, buffer, contexts, weights, neuron, places, signs, layout.RATE, layout.LIMIT, told
+            )
         asked += 1
         found += bit
         flags |= bit << octant

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.compact import map_layout as layout
 from meshtide_codec.compact import map_survey_kernels as surveys
+from meshtide_codec.compact.map_deep_kernels import code_octant_deeply
 from meshtide_codec.compilation import borrowing_kernel, inlined_kernel
 from meshtide_codec.entropy.mixing_kernels import code_mixed_bit
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from meshtide_codec.compact.map_deep_kernels import DeepMap
     from meshtide_codec.compact.map_survey_kernels import Scratch
     from meshtide_codec.entropy.mixing_kernels import Opinions, Weights
     from meshtide_codec.entropy.model_kernels import Contexts
@@ -88,6 +90,7 @@ def code_children(
     buffer: Buffer,
     contexts: Contexts,
     weights: Weights,
+    deep: DeepMap | None,
     vertex: int,
     minimum: int,
     survey: Scratch,
@@ -100,7 +103,10 @@ def code_children(
     places: Opinions,
     signs: Opinions,
 ) -> int:
-    """Code which octants of `vertex` are occupied, at least `minimum` of them; returns them as bits."""
+    """Code which octants of `vertex` are occupied, at least `minimum` of them; returns them as bits.
+
+    `deep` is None at effort default.
+    """
     given = int(occupied[vertex])
     coded_neighbours, coded_children = survey[surveys.CODED_NEIGHBOURS], survey[surveys.CODED_CHILDREN]
     density = 6
@@ -129,18 +135,33 @@ def code_children(
             places[4] = layout.HEIGHT + (height * 27 + inner) * surveys.NORMAL_CLASSES + normal_class
             places[5] = layout.SHELL + (outer * 17 + height) * 4 + min(count, 3)
             neuron = (rank * 4 + min(count, 3)) * 3 + trust
-            bit = code_mixed_bit(
-                coder,
-                buffer,
-                contexts,
-                weights,
-                neuron,
-                places,
-                signs,
-                layout.RATE,
-                layout.LIMIT,
-                (given >> octant) & 1,
-            )
+            asked = (given >> octant) & 1
+            if deep is not None:
+                bit = code_octant_deeply(
+                    coder,
+                    buffer,
+                    deep,
+                    neuron,
+                    octant,
+                    rank,
+                    count,
+                    answers,
+                    inner,
+                    vote,
+                    height,
+                    density,
+                    leaf_ratio,
+                    normal_class,
+                    answer,
+                    mirror_state,
+                    places,
+                    signs,
+                    asked,
+                )
+            else:
+                bit = code_mixed_bit(
+                    coder, buffer, contexts, weights, neuron, places, signs, layout.RATE, layout.LIMIT, asked
+                )
         answers = answers * 2 + bit
         count += bit
         pattern |= bit << octant

@@ -10,11 +10,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from meshtide_codec.compact import diff_high_context_kernels, diff_kernels, map_layout
+from meshtide_codec.compact import diff_high_context_kernels, diff_kernels, map_deep_layout, map_layout
 from meshtide_codec.entropy.deep_mixing_kernels import new_corrections, new_deep_weights
 from meshtide_codec.entropy.mixing_kernels import new_weights
 from meshtide_codec.entropy.model_kernels import new_contexts
@@ -38,28 +38,21 @@ class Models:
     contexts: Contexts
     weights: Weights
 
-    def copy(self) -> Models:
+    def copy(self) -> Self:
         """An independent copy, so that a damaged packet does not spoil the states before it."""
-        return Models(self.contexts.copy(), self.weights.copy())
+        return dataclasses.replace(self, **{name: array.copy() for name, array in vars(self).items()})
 
-    def adopt(self, other: Models) -> None:
+    def adopt(self, other: Self) -> None:
         """Go on from `other`'s states."""
-        self.contexts = other.contexts
-        self.weights = other.weights
+        vars(self).update(vars(other))
 
 
 @dataclasses.dataclass
-class DeepModels:
+class DeepModels(Models):
     """The same for deep mixing: contexts (slow, then fast), weights, final weights and corrections, all int32."""
 
-    contexts: Contexts
-    weights: Weights
     final_weights: Weights
     corrections: Corrections
-
-    def copy(self) -> DeepModels:
-        """An independent copy, so that a damaged packet does not spoil the states before it."""
-        return DeepModels(*(array.copy() for array in self.mixer))
 
     @property
     def mixer(self) -> Mixer:
@@ -77,6 +70,11 @@ def new_diff_models() -> Models:
     return _trained("diff").copy()
 
 
+def new_deep_map_models() -> DeepModels:
+    """States for the first Map of a stream at effort high."""
+    return _trained_deeply("map").copy()
+
+
 def new_deep_diff_models() -> DeepModels:
     """States for the first Diff of a slice at effort high."""
     return _trained_deeply("diff").copy()
@@ -92,20 +90,25 @@ def untrained_diff_models() -> Models:
     return Models(new_contexts(diff_kernels.CONTEXTS), new_weights(diff_kernels.NEURONS, UNTRAINED_TRUST))
 
 
+def untrained_deep_map_models() -> DeepModels:
+    """Even chances and equal weights for the Map coder at effort high: where training begins."""
+    layout = map_deep_layout
+    return DeepModels(
+        new_contexts(2 * layout.CONTEXTS),
+        new_deep_weights(layout.NEURONS, layout.INPUTS, 2 * layout.HEARD_CONTEXTS, UNTRAINED_TRUST),
+        new_deep_weights(layout.FINALS, layout.CHOICES, layout.CHOICES, 1.0),
+        new_corrections(layout.CORRECTIONS),
+    )
+
+
 def untrained_deep_diff_models() -> DeepModels:
     """Even chances and equal weights for the Diff coder at effort high: where training begins."""
+    layout = diff_high_context_kernels
     return DeepModels(
-        new_contexts(2 * diff_high_context_kernels.CONTEXTS),
-        new_deep_weights(
-            diff_high_context_kernels.NEURONS,
-            diff_high_context_kernels.INPUTS,
-            2 * diff_high_context_kernels.HEARD_CONTEXTS,
-            UNTRAINED_TRUST,
-        ),
-        new_deep_weights(
-            diff_high_context_kernels.FINALS, diff_high_context_kernels.CHOICES, diff_high_context_kernels.CHOICES, 1.0
-        ),
-        new_corrections(diff_high_context_kernels.CORRECTIONS),
+        new_contexts(2 * layout.CONTEXTS),
+        new_deep_weights(layout.NEURONS, layout.INPUTS, 2 * layout.HEARD_CONTEXTS, UNTRAINED_TRUST),
+        new_deep_weights(layout.FINALS, layout.CHOICES, layout.CHOICES, 1.0),
+        new_corrections(layout.CORRECTIONS),
     )
 
 

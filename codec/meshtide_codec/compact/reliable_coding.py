@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshtide_codec.compact.effort import DeepLayers
 from meshtide_codec.compact.level import root_level
 from meshtide_codec.compact.map_coder import decode_map, read_map, write_map
-from meshtide_codec.compact.models import new_map_models
+from meshtide_codec.compact.models import new_deep_map_models, new_map_models
 from meshtide_codec.connectivity import decode_faces, read_faces, write_faces
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.entropy.model_kernels import SIGNED_CONTEXTS, code_signed, new_contexts
@@ -31,7 +32,6 @@ from meshtide_codec.stream.plain_values import BadValueError
 if TYPE_CHECKING:
     from meshtide_codec.compact.level import Level
     from meshtide_codec.compact.mirror import Mirror
-    from meshtide_codec.compact.models import Models
     from meshtide_codec.compact.octree import Octree
     from meshtide_codec.entropy.model_kernels import Contexts
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
@@ -50,18 +50,27 @@ class ReliableCoder:
         vertices: vertices of the finest level.
         mirror: the plane of symmetry, if one is used.
         in_parts: whether payloads that are read are made of parts, as before format version 3.
+        deep: the layers that are coded deeply.
 
     Attributes:
         map_bytes: how much of the payloads that were read so far was Maps.
     """
 
-    def __init__(self, bits: int, vertices: int, mirror: Mirror | None, *, in_parts: bool = False) -> None:
+    def __init__(
+        self,
+        bits: int,
+        vertices: int,
+        mirror: Mirror | None,
+        *,
+        in_parts: bool = False,
+        deep: DeepLayers = DeepLayers.NONE,
+    ) -> None:
         self._bits = bits
         self._vertices = vertices
         self._mirror = mirror
         self._in_parts = in_parts
         self.map_bytes = 0
-        self._models: Models = new_map_models()
+        self._models = new_deep_map_models() if DeepLayers.MAPS in deep else new_map_models()
 
     def encode_base(self, octree: Octree, base_depth: int) -> bytes:
         """The payload that holds all levels down to `base_depth`."""

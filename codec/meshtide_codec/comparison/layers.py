@@ -92,7 +92,7 @@ class _CompactParts:
         self._header = header
         options = CompactHeader.from_header(header)
         in_parts = header.version < PLACES_BY_PACKETS
-        self._coder = ReliableCoder(header.bits, header.vertices, options.mirror, in_parts=in_parts)
+        self._coder = ReliableCoder(header.bits, header.vertices, options.mirror, in_parts=in_parts, deep=options.deep)
         self._coarse: Level | None = None
 
     def __call__(self, packet: Packet) -> dict[str, int]:

@@ -40,8 +40,7 @@ HEARD = 4  # inputs that each context makes
 WEIGHT_BITS = 16
 WEIGHT_ONE = 1 << WEIGHT_BITS
 WEIGHT_LIMIT = 8 * WEIGHT_ONE  # weights are kept within +-8
-RATE = 17  # weights move by input * error, shifted right by so much
-FINAL_RATE = 19
+FINAL_RATE = 19  # final weights move by input * error, shifted right by so much
 NUMBER_LIMIT = STRETCH_LIMIT  # plain numbers are kept within +-2047, as stretched probabilities are
 _LINEAR_SHIFT = 5  # from a 16-bit probability less one half to an input
 
@@ -86,13 +85,15 @@ def code_deep_bit(
     signs: Opinions,
     inputs: Inputs,
     outputs: Inputs,
+    rate: int,
     bit: int,
 ) -> int:
     """Code one decision; all of the mixer that took part learns from it.
 
     `places` and `signs` are those of the slow contexts. `inputs` holds the plain numbers behind HEARD * len(places)
     inputs, which are filled in here; `outputs` (len(neurons),) is scratch. `neurons` are the chosen neurons, `final`
-    the final one, `correction` the class of the correction.
+    the final one, `correction` the class of the correction;
+    `rate` slows the neurons' learning, as in `mixing_kernels`.
     """
     contexts, weights, final_weights, corrections = mixer
     fast = len(contexts) >> 1
@@ -121,7 +122,7 @@ def code_deep_bit(
         own_error = (bit << 16) - int(SQUASH[np.uintp(outputs[index] + STRETCH_LIMIT + 1)])
         _move_weight(final_weights, last + index, outputs[index], error, FINAL_RATE)
         for place in range(len(inputs)):
-            _move_weight(weights, neurons[index] * len(inputs) + place, inputs[place], own_error, RATE)
+            _move_weight(weights, neurons[index] * len(inputs) + place, inputs[place], own_error, rate)
     for index in range(len(places)):
         teach(contexts, places[index], signs[index], SLOW_LIMIT, bit)
         teach(contexts, places[index] + fast, signs[index], FAST_LIMIT, bit)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SLOW_LIMIT, FAST_LIMIT = 200, 12
 WEIGHT_BITS = 16
 LARGEST_WEIGHT = 8 << WEIGHT_BITS
-RATE, FINAL_RATE = 17, 19
+FINAL_RATE = 19
 CORRECTION_STEPS = 33
 
 
@@ -28,6 +28,7 @@ class DeepNeurons:
         final_weights: of all final neurons.
         corrections: CORRECTION_STEPS for each class.
         inputs: inputs of a neuron.
+        rate: shift of the neurons' steps.
     """
 
     def __init__(
@@ -37,6 +38,7 @@ class DeepNeurons:
         final_weights: Sequence[int],
         corrections: Sequence[int],
         inputs: int,
+        rate: int,
     ) -> None:
         self._contexts = contexts
         self._fast = len(contexts.probabilities) // 2
@@ -44,6 +46,7 @@ class DeepNeurons:
         self._final_weights = list(final_weights)
         self._corrections = list(corrections)
         self._inputs = inputs
+        self._rate = rate
 
     def bit(
         self,
@@ -73,7 +76,7 @@ class DeepNeurons:
         self._corrections[nearer] += ((65535 * 64 * bit) - self._corrections[nearer]) >> 6
         _move(self._final_weights, last, said, (bit << 16) - mixed, FINAL_RATE)
         for first, output in zip(firsts, said, strict=True):
-            _move(self._weights, first, inputs, (bit << 16) - SQUASH[output + 2048], RATE)
+            _move(self._weights, first, inputs, (bit << 16) - SQUASH[output + 2048], self._rate)
         for place, sign in heard:
             self._contexts.learn(place, bit if sign > 0 else 1 - bit, SLOW_LIMIT)
             self._contexts.learn(place + self._fast, bit if sign > 0 else 1 - bit, FAST_LIMIT)

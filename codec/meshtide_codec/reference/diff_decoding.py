@@ -50,7 +50,7 @@ class SliceDecoder:
         self._index = index
         self._bits = bits
         self._mirror = mirror
-        self._neurons = deep_neurons("diff", INPUTS) if deep else geometry_neurons("diff")
+        self._neurons = deep_neurons("diff", INPUTS, RATE) if deep else geometry_neurons("diff")
         leaves = [vertex for vertex in self.vertices(root) if root.leaves[vertex]]
         self.depth = 0
         self.cells: list[Cell] = [(0, 0, 0)] * len(leaves)

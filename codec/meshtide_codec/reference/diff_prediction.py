@@ -34,7 +34,7 @@ class Prediction:
     def __init__(self, around: Neighbourhood, rows: list[Row]) -> None:
         self._count_neighbours(around, rows)
         self._set_means(around, rows)
-        self.normal = _unit_normal(around)
+        self.normal = unit_normal(around)
         self._fit_plane()
         self.ring = ring_expert(around)
         self.midpoint = midpoint_expert(around)
@@ -79,7 +79,7 @@ def _total(values: Iterable[float]) -> float:
     return total
 
 
-def _unit_normal(around: Neighbourhood) -> list[float]:
+def unit_normal(around: Neighbourhood) -> list[float]:
     """The sum of the cross products of consecutive offsets, made one long."""
     offsets = around.offsets
     x = y = z = 0.0

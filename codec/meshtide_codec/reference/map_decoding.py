@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from meshtide_codec.reference.deep_mixing import DeepNeurons
+from meshtide_codec.reference.map_deep_decisions import ChildClasses, OctantClasses, leaf_bit, octant_bit
+from meshtide_codec.reference.map_surface import CellSurfaces
 from meshtide_codec.reference.map_surroundings import Surroundings, bit_count
 from meshtide_codec.reference.octree import Cell, Level
 
@@ -33,7 +36,9 @@ LEAF_NEURONS = 8 * 4 * 3
 """The first neuron of the leaf flags."""
 
 
-def decode_map(decoder: RangeDecoder, coarse: Level, bits: int, neurons: Neurons, images: Images | None) -> Level:
+def decode_map(
+    decoder: RangeDecoder, coarse: Level, bits: int, neurons: Neurons | DeepNeurons, images: Images | None
+) -> Level:
     """The next depth's level, without faces.
 
     Args:
@@ -54,7 +59,13 @@ class _MapDecoder:
     """Splits one cell after the other."""
 
     def __init__(
-        self, decoder: RangeDecoder, coarse: Level, neurons: Neurons, images: Images | None, *, last_depth: bool
+        self,
+        decoder: RangeDecoder,
+        coarse: Level,
+        neurons: Neurons | DeepNeurons,
+        images: Images | None,
+        *,
+        last_depth: bool,
     ) -> None:
         self._decoder = decoder
         self._coarse = coarse
@@ -62,6 +73,7 @@ class _MapDecoder:
         self._images = images
         self._last_depth = last_depth
         self._trust = 0
+        self._surfaces = CellSurfaces(coarse)
         self.occupied = [0] * len(coarse)
         self.leaf = [0] * len(coarse)
 
@@ -73,10 +85,15 @@ class _MapDecoder:
         if self._images is not None:
             mirrored = self._images.children(vertex, self.occupied, self.leaf)
             mirror_state = 1 if mirrored is None else 2 + min(self._trust, 2)
+        deep = isinstance(self._neurons, DeepNeurons)
+        if deep:
+            self._surfaces.fit(vertex)
         pattern = self._octants(vertex, around, mirrored, mirror_state)
         flags = pattern if self._last_depth else 0
         if bit_count(pattern) > 1 and not self._last_depth:
             flags = self._leaf_flags(pattern, around, mirrored, mirror_state)
+        if deep:
+            self._surfaces.note_children(vertex, pattern)
         self.occupied[vertex] = pattern
         self.leaf[vertex] = flags
         if mirrored is not None:
@@ -109,7 +126,13 @@ class _MapDecoder:
                     SHELL + (outer * 17 + height) * 4 + min(count, 3),
                 ]
                 neuron = (rank * 4 + min(count, 3)) * 3 + _trust_class(mirrored, mirror_state)
-                bit = self._neurons.bit(self._decoder, neuron, places, RATE, LIMIT)
+                if isinstance(self._neurons, DeepNeurons):
+                    own = OctantClasses(
+                        octant, rank, count, answers, inner, vote, height, density, answer, mirror_state
+                    )
+                    bit = octant_bit(self._decoder, self._neurons, neuron, places, own, around, self._surfaces)
+                else:
+                    bit = self._neurons.bit(self._decoder, neuron, places, RATE, LIMIT)
             answers = 2 * answers + bit
             count += bit
             pattern |= bit << octant
@@ -137,6 +160,7 @@ class _MapDecoder:
         degree = min(len(around.members), 15)
         age = min(3 * around.leaf_ages // (2 * around.leaf_count), 5) if around.leaf_count else 6
         spacing = around.spacing
+        canonical = sum((pattern >> around.octant(rank) & 1) << rank for rank in range(8))
         flags = asked = found = 0
         for rank in range(8):
             octant = around.octant(rank)
@@ -154,8 +178,12 @@ class _MapDecoder:
                 LEAF_AGE + ((age * 16 + spacing) * 4 + size) * 4 + split,
                 LEAF_CODED + ((coded_ratio * 16 + degree) * 4 + size) * 4 + leaves,
             ]
-            neuron = LEAF_NEURONS + (size * 4 + split) * 3 + _trust_class(mirrored, mirror_state)
-            bit = self._neurons.bit(self._decoder, neuron, places, RATE, LIMIT)
+            neuron = (size * 4 + split) * 3 + _trust_class(mirrored, mirror_state)
+            if isinstance(self._neurons, DeepNeurons):
+                own = ChildClasses(octant, pattern, canonical, split, leaves, size, vote, coded_ratio, degree, age)
+                bit = leaf_bit(self._decoder, self._neurons, neuron, places, own, around, self._surfaces)
+            else:
+                bit = self._neurons.bit(self._decoder, LEAF_NEURONS + neuron, places, RATE, LIMIT)
             asked += 1
             found += bit
             flags |= bit << octant

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.reference.connectivity import decode_faces
 from meshtide_codec.reference.container import split_parts
-from meshtide_codec.reference.map_decoding import decode_map
+from meshtide_codec.reference.map_decoding import RATE, decode_map
+from meshtide_codec.reference.map_deep_decisions import INPUTS
 from meshtide_codec.reference.models import SIGNED_CONTEXTS, Contexts
 from meshtide_codec.reference.numbers import read_number
 from meshtide_codec.reference.octree import Level, deepened, root
 from meshtide_codec.reference.range_decoder import RangeDecoder
-from meshtide_codec.reference.trained_states import geometry_neurons
+from meshtide_codec.reference.trained_states import deep_neurons, geometry_neurons
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.mirror import Mirror
@@ -20,10 +21,10 @@ if TYPE_CHECKING:
 class ReliableDecoder:
     """Base and Map&Conn, coarse to fine; the states of the Maps are carried along."""
 
-    def __init__(self, bits: int, mirror: Mirror | None) -> None:
+    def __init__(self, bits: int, mirror: Mirror | None, *, deep_maps: bool = False) -> None:
         self._bits = bits
         self._mirror = mirror
-        self._neurons = geometry_neurons("map")
+        self._neurons = deep_neurons("map", INPUTS, RATE) if deep_maps else geometry_neurons("map")
 
     def base(self, payload: bytes, base_depth: int, vertices: int) -> list[Level]:
         """The levels of the depths 0 to `base_depth`."""

@@ -25,13 +25,14 @@ def geometry_neurons(coder: str) -> Neurons:
     return Neurons(contexts, tables[f"{coder}_weights"], GEOMETRY_INPUTS)
 
 
-def deep_neurons(coder: str, inputs: int) -> DeepNeurons:
-    """A fresh copy of all that the coder "diff" learns at effort high; `inputs` are those of a neuron."""
+def deep_neurons(coder: str, inputs: int, rate: int) -> DeepNeurons:
+    """A fresh copy of all that the coder "map" or "diff" learns at effort high, with the inputs of a neuron."""
     tables = _tables("compact/deep_states.npz")
     contexts = Contexts(tables[f"{coder}_probabilities"], tables[f"{coder}_counts"])
-    return DeepNeurons(
-        contexts, tables[f"{coder}_weights"], tables[f"{coder}_final_weights"], tables[f"{coder}_corrections"], inputs
+    weights, final_weights, corrections = (
+        tables[f"{coder}_{name}"] for name in ("weights", "final_weights", "corrections")
     )
+    return DeepNeurons(contexts, weights, final_weights, corrections, inputs, rate)
 
 
 def connectivity_states(*, geometric: bool) -> tuple[Neurons, list[int]]:
