@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import asynccontextmanager
-from functools import partial
 from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
@@ -17,7 +16,7 @@ from meshtide_server.limiting import Limiting
 from meshtide_server.observation import Observation
 from meshtide_server.prepared_answers import prepared_answers
 from meshtide_server.problems import EVERYWHERE, handle_problems
-from meshtide_server.readiness import Readiness, check_store
+from meshtide_server.readiness import Readiness, StoreCheck
 from meshtide_server.routes import STREAM_ROUTE, program_version, router
 from meshtide_server.routes_catalogue import router as catalogue_router
 from meshtide_server.routes_ingest import router as ingest_router
@@ -77,7 +76,7 @@ def create_app(settings: Settings) -> FastAPI:
         await library.start()
         if library.kept is not None:
             app.state.readiness.add("catalogue", library.kept.reason_to_wait)
-            app.state.readiness.add("store", partial(check_store, library.kept.store))
+            app.state.readiness.add("store", StoreCheck(library.kept.store))
         runner = JobRunner(library.kept, settings, draining) if library.kept is not None else None
         app.state.jobs = runner
         if runner is not None:

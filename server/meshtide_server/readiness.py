@@ -7,7 +7,7 @@ import logging
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from meshtide_server.store.errors import MissingObjectError
+from meshtide_server.store.errors import MissingBucketError, MissingObjectError
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -56,6 +56,31 @@ class Readiness:
         except Exception as error:  # noqa: BLE001 - whatever it is, the part cannot be used; the log has the details
             logger.warning("%s cannot be used: %s: %s", name, type(error).__name__, error)
             return f"it cannot be used ({type(error).__name__})"
+
+
+class StoreCheck:
+    """Whether the store answers; until it did so once, also whether there is one.
+
+    A bucket that does not exist tells of each object the same as one that exists: that it has not got it.
+
+    Args:
+        store: is asked.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._is_there = False
+
+    async def __call__(self) -> str | None:
+        """Why it cannot be used, or None; raises what the store does."""
+        if not self._is_there:
+            try:
+                async for _ in self._store.list("streams"):
+                    break
+            except MissingBucketError:
+                return "there is no such bucket"
+            self._is_there = True
+        return await check_store(self._store)
 
 
 async def check_store(store: Store) -> str | None:

@@ -57,6 +57,17 @@ def hosting(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> I
         yield server
 
 
+def test_a_bucket_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("obstore", reason="the extra s3 is not installed")
+    (tmp_path / "s3").mkdir()
+    with running_s3_server(tmp_path / "s3") as endpoint, hosting(tmp_path, endpoint, monkeypatch) as server:
+        assert httpx.get(f"{server.url}/readyz").json()["parts"]["store"] == "ok"
+        told = {"store": "s3://elsewhere", "database": f"sqlite:///{tmp_path}/catalogue.db", "rescan_seconds": 0}
+        with running(Settings.model_validate(told)) as other:
+            answer = httpx.get(f"{other.url}/readyz")
+            assert (answer.status_code, answer.json()["parts"]["store"]) == (503, "there is no such bucket")
+
+
 def read_bytes() -> float:
     return REGISTRY.get_sample_value("meshtide_store_read_bytes_total") or 0.0
 

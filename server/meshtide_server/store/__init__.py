@@ -10,6 +10,7 @@ from __future__ import annotations
 from meshtide_server.store.errors import (
     DamagedObjectError,
     InvalidKeyError,
+    MissingBucketError,
     MissingObjectError,
     ObjectRangeError,
     StoreError,
@@ -21,6 +22,7 @@ from meshtide_server.store.protocol import ObjectInfo, Store
 __all__ = [
     "DamagedObjectError",
     "InvalidKeyError",
+    "MissingBucketError",
     "MissingObjectError",
     "ObjectInfo",
     "ObjectRangeError",

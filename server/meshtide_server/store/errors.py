@@ -5,6 +5,7 @@
     TransferError
     └── StoreError                 the store did not do what it was asked to
         ├── MissingObjectError     there is no object of that key
+        ├── MissingBucketError     there is no such bucket
         ├── DamagedObjectError     the bytes of an object are not those that were put
         ├── ObjectRangeError       the range lies outside of the object (also a ValueError)
         └── InvalidKeyError        the key is not one (also a ValueError)
@@ -29,6 +30,10 @@ class MissingObjectError(StoreError):
     def __init__(self, key: str) -> None:
         self.key = key
         super().__init__(f"there is no object {key!r} in the store")
+
+
+class MissingBucketError(StoreError):
+    """There is no such bucket; a store that is a folder makes it when it is opened."""
 
 
 class DamagedObjectError(StoreError):

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.errors import OptionError
-from meshtide_server.store.errors import MissingObjectError, ObjectRangeError, StoreError
+from meshtide_server.store.errors import MissingBucketError, MissingObjectError, ObjectRangeError, StoreError
 from meshtide_server.store.keys import check_key, check_prefix
 from meshtide_server.store.protocol import ObjectInfo
 
@@ -150,6 +150,8 @@ class S3Store:
         except (NotFoundError, FileNotFoundError) as error:
             raise MissingObjectError(key) from error
         except (BaseError, OSError) as error:
+            if "<Code>NoSuchBucket</Code>" in str(error):
+                raise MissingBucketError(f"there is no bucket {self._name}; make it, or name another one") from error
             reason = str(error).strip().split("\n", maxsplit=1)[0]
             raise StoreError(f"object {key!r} in {self._name}: {reason}") from error
 
