@@ -1,4 +1,4 @@
-"""The commands `serve` and `copy-store`."""
+"""The commands `serve`, `copy-store` and `check-store`."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ def register(app: typer.Typer) -> None:
     """Add this package's commands to `app`."""
     app.command()(serve)
     app.command()(copy_store)
+    app.command()(check_store)
 
 
 def serve(
@@ -178,7 +179,7 @@ def copy_store(
     """Copy the streams of a store into another one: for a backup, to get one back, or to move.
 
     Copy the catalogue first (pg_dump, or sqlite3's .backup): its streams are then in the store. Interrupted, the same
-    command goes on where it was. Nothing is deleted in the target.
+    command goes on where it was. What is damaged is told and not copied: exit code 4. Nothing is deleted.
 
     Example: meshtide copy-store s3://meshes /backup/store
     """
@@ -188,21 +189,62 @@ def copy_store(
 
     from rich.console import Console
 
-    from meshtide_codec.errors import OptionError
     from meshtide_server.store import open_store
-    from meshtide_server.store.copying import Copied, copy_store
+    from meshtide_server.store.copying import Copied
+    from meshtide_server.store.copying import copy_store as copy
 
     def told(copied: Copied) -> str:
         gone = f", {copied.gone} were deleted meanwhile" if copied.gone else ""
         return f"{copied.objects} objects with {copied.bytes} bytes copied, {copied.kept} were there{gone}"
 
-    if not source.startswith("s3://") and not Path(source.removeprefix("file:")).is_dir():
-        raise OptionError(f"there is no folder {source}")
+    _check_there(source)
     with Console(stderr=True).status(f"reading {source}") as shown:
-        copied = asyncio.run(
-            copy_store(open_store(source), open_store(target), lambda so_far: shown.update(told(so_far)))
-        )
+        copied = asyncio.run(copy(open_store(source), open_store(target), lambda so_far: shown.update(told(so_far))))
     typer.echo(json.dumps(asdict(copied)) if as_json else told(copied))
+    _complain(copied.damaged)
+
+
+def check_store(
+    store: Annotated[str, typer.Argument(help="Store to read: a folder, or s3://bucket/folder.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
+) -> None:
+    """Read every object of a store and hold it against its SHA-256. Exit code 4 if one is damaged.
+
+    Example: meshtide check-store /backup/store
+    """
+    import asyncio
+    import json
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from meshtide_server.store import open_store
+    from meshtide_server.store.copying import Checked
+    from meshtide_server.store.copying import check_store as check
+
+    def told(checked: Checked) -> str:
+        return f"{checked.objects} objects with {checked.bytes} bytes are whole, {len(checked.damaged)} are damaged"
+
+    _check_there(store)
+    with Console(stderr=True).status(f"reading {store}") as shown:
+        checked = asyncio.run(check(open_store(store), lambda so_far: shown.update(told(so_far))))
+    typer.echo(json.dumps(asdict(checked)) if as_json else told(checked))
+    _complain(checked.damaged)
+
+
+def _check_there(store: str) -> None:
+    """Raise unless a store that is a folder is there: opening it would make it."""
+    from meshtide_codec.errors import OptionError
+
+    if not store.startswith("s3://") and not Path(store.removeprefix("file:")).is_dir():
+        raise OptionError(f"there is no folder {store}")
+
+
+def _complain(damaged: list[str]) -> None:
+    from meshtide_codec.errors import StreamError
+
+    if damaged:
+        raise StreamError(f"{len(damaged)} objects are damaged; publish their meshes again: {', '.join(damaged)}")
 
 
 def explanation(error: ValidationError) -> str:

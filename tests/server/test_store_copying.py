@@ -1,3 +1,4 @@
+import hashlib
 import json
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -6,11 +7,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from meshtide_codec.errors import OptionError
+from meshtide_codec.errors import OptionError, StreamError
 from meshtide_server.commands import register
-from meshtide_server.store import MissingObjectError, ObjectInfo, StoreError
+from meshtide_server.store import MissingObjectError, ObjectInfo, StoreError, stream_key
 from meshtide_server.store import copying as copying_module
-from meshtide_server.store.copying import Copied, copy_store
+from meshtide_server.store.copying import Copied, check_store, copy_store
 from meshtide_server.store.local import LocalStore
 from meshtide_server.store.memory import MemoryStore
 
@@ -72,19 +73,48 @@ async def test_a_store_that_fails_is_told() -> None:
         await copy_store(await filled(), Full())
 
 
+def digest_key(data: bytes) -> str:
+    return stream_key(hashlib.sha256(data).hexdigest())
+
+
+async def test_what_is_damaged_is_not_copied(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(copying_module, "PIECE_BYTES", 3)
+    source, target = MemoryStore(), MemoryStore()
+    for data in (b"whole", b"damaged", b"short"):
+        await source.put(digest_key(data), data)
+    await source.put(digest_key(b"damaged"), b"dAmaged")
+    listed = dict(source._objects)
+    data, info = listed[digest_key(b"short")]
+    source._objects[digest_key(b"short")] = (data[:-1], info)
+    bad = sorted([digest_key(b"damaged"), digest_key(b"short")])
+    copied = await copy_store(source, target)
+    assert (copied.objects, copied.damaged) == (1, bad)
+    assert await everything(target) == {digest_key(b"whole"): b"whole"}
+    checked = await check_store(source)
+    assert (checked.objects, checked.bytes, checked.damaged) == (1, 5, bad)
+    assert (await check_store(target)).damaged == []
+
+
 def command(*arguments: str) -> typer.testing.Result:
     app = typer.Typer()
     register(app)
-    return CliRunner().invoke(app, ["copy-store", *arguments])
+    return CliRunner().invoke(app, list(arguments))
 
 
 def test_the_command(tmp_path: Path) -> None:
     (tmp_path / "source" / "streams").mkdir(parents=True)
     (tmp_path / "source" / "streams" / "a.tide").write_bytes(b"abc")
-    done = command(str(tmp_path / "source"), str(tmp_path / "target"), "--json")
+    done = command("copy-store", str(tmp_path / "source"), str(tmp_path / "target"), "--json")
     assert done.exit_code == 0, done.output
-    assert json.loads(done.stdout) == {"objects": 1, "bytes": 3, "kept": 0, "gone": 0}
+    assert json.loads(done.stdout) == {"objects": 1, "bytes": 3, "kept": 0, "gone": 0, "damaged": []}
     assert (tmp_path / "target" / "streams" / "a.tide").read_bytes() == b"abc"
-    again = command(str(tmp_path / "source"), str(tmp_path / "target"))
+    again = command("copy-store", str(tmp_path / "source"), str(tmp_path / "target"))
     assert "0 objects with 0 bytes copied, 1 were there" in again.output
-    assert isinstance(command(str(tmp_path / "nothing"), str(tmp_path / "target")).exception, OptionError)
+    assert isinstance(command("copy-store", str(tmp_path / "nothing"), str(tmp_path / "target")).exception, OptionError)
+    key = digest_key(b"abc")
+    (tmp_path / "target" / key).write_bytes(b"abc")
+    assert "2 objects with 6 bytes are whole, 0 are damaged" in command("check-store", str(tmp_path / "target")).output
+    (tmp_path / "target" / key).write_bytes(b"abd")
+    damaged = command("check-store", str(tmp_path / "target"), "--json")
+    assert json.loads(damaged.stdout) == {"objects": 1, "bytes": 3, "damaged": [key]}
+    assert isinstance(damaged.exception, StreamError)

@@ -1,5 +1,6 @@
-"""Copying a store into another one: for a backup, for getting one back, and for moving from a folder to a bucket.
+"""Copying a store into another one, for a backup, for getting one back, for moving; and checking a store.
 
+Keys tell the SHA-256 of their bytes, so every object that is read is held against it: what is damaged is not copied.
 What the target has under the same key with the same size is left alone: keys are made of the bytes' SHA-256. So a
 copy that was interrupted goes on where it was, and one that is made every night takes what is new. Nothing is deleted.
 """
@@ -7,13 +8,15 @@ copy that was interrupted goes on where it was, and one that is made every night
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from meshtide_server.store.errors import MissingObjectError, StoreError
+from meshtide_server.store.errors import DamagedObjectError, MissingObjectError, ObjectRangeError, StoreError
+from meshtide_server.store.keys import digest_of
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable
+    from collections.abc import AsyncIterator, Awaitable, Callable
 
     from meshtide_server.store.protocol import ObjectInfo, Store
 
@@ -31,12 +34,29 @@ class Copied:
         bytes: of these.
         kept: objects that the target had.
         gone: objects that were deleted from the source in the meantime.
+        damaged: keys of objects whose bytes have another SHA-256 than they should; these were not copied.
     """
 
     objects: int = 0
     bytes: int = 0
     kept: int = 0
     gone: int = 0
+    damaged: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Checked:
+    """What was found.
+
+    Args:
+        objects: that are as they were put.
+        bytes: of these.
+        damaged: keys of objects that are not.
+    """
+
+    objects: int = 0
+    bytes: int = 0
+    damaged: list[str] = field(default_factory=list)
 
 
 async def copy_store(source: Store, target: Store, progress: Callable[[Copied], None] = lambda _: None) -> Copied:
@@ -51,25 +71,68 @@ async def copy_store(source: Store, target: Store, progress: Callable[[Copied], 
         StoreError: one of the two does not do what it is asked to; what was copied by then is whole.
     """
     copied = Copied()
-    places = asyncio.Semaphore(AT_A_TIME)
 
-    async def one(info: ObjectInfo) -> None:
+    async def copy(info: ObjectInfo) -> None:
         try:
             await _copy(source, target, info, copied)
         except MissingObjectError:
             copied.gone += 1
+        except DamagedObjectError:
+            copied.damaged.append(info.key)
+        progress(copied)
+
+    await _for_each(source, copy)
+    copied.damaged.sort()
+    return copied
+
+
+async def check_store(store: Store, progress: Callable[[Checked], None] = lambda _: None) -> Checked:
+    """Read every object of `store` and hold it against the SHA-256 that its key tells.
+
+    Args:
+        store: is only read.
+        progress: is told after each object.
+
+    Raises:
+        StoreError: the store does not do what it is asked to.
+    """
+    checked = Checked()
+
+    async def check(info: ObjectInfo) -> None:
+        try:
+            async for _ in _pieces(store, info):
+                pass
+        except MissingObjectError:
+            return  # deleted since it was listed
+        except DamagedObjectError:
+            checked.damaged.append(info.key)
+        else:
+            checked.objects += 1
+            checked.bytes += info.size
+        progress(checked)
+
+    await _for_each(store, check)
+    checked.damaged.sort()
+    return checked
+
+
+async def _for_each(store: Store, work: Callable[[ObjectInfo], Awaitable[None]]) -> None:
+    """Have `work` done on every object, on several at a time; the first error ends all."""
+    places = asyncio.Semaphore(AT_A_TIME)
+
+    async def one(info: ObjectInfo) -> None:
+        try:
+            await work(info)
         finally:
             places.release()
-        progress(copied)
 
     try:
         async with asyncio.TaskGroup() as group:
-            async for info in source.list():
+            async for info in store.list():
                 await places.acquire()
                 group.create_task(one(info))
     except BaseExceptionGroup as errors:
         raise errors.exceptions[0] from None
-    return copied
 
 
 async def _copy(source: Store, target: Store, info: ObjectInfo, copied: Copied) -> None:
@@ -88,5 +151,14 @@ async def _copy(source: Store, target: Store, info: ObjectInfo, copied: Copied) 
 
 
 async def _pieces(source: Store, info: ObjectInfo) -> AsyncIterator[bytes]:
+    """An object piece by piece; after the last one, an error if these were not the bytes that its key tells."""
+    digest = hashlib.sha256()
     for start in range(0, info.size, PIECE_BYTES):
-        yield await source.get_range(info.key, start, min(start + PIECE_BYTES, info.size))
+        try:
+            piece = await source.get_range(info.key, start, min(start + PIECE_BYTES, info.size))
+        except ObjectRangeError as error:
+            raise DamagedObjectError(f"object {info.key!r} is shorter than its store says: {error}") from error
+        await asyncio.to_thread(digest.update, piece)
+        yield piece
+    if digest_of(info.key) not in {None, digest.hexdigest()}:
+        raise DamagedObjectError(f"object {info.key!r} is damaged: its bytes have another SHA-256")

@@ -88,6 +88,19 @@ def source_key(sha256: str, suffix: str) -> str:
     return f"{SOURCES}/{_checked_digest(sha256)}{small}"
 
 
+def digest_of(key: str) -> str | None:
+    """The SHA-256 that the bytes of an object have, in hexadecimal, if its key tells.
+
+    >>> digest_of(stream_key("0a" * 32)) == digest_of(source_key("0a" * 32, ".obj")) == "0a" * 32
+    True
+    >>> digest_of("notes/today.txt") is None
+    True
+    """
+    folder, _, name = key.partition("/")
+    digest = name.partition(".")[0]
+    return digest if folder in {"streams", "sources"} and _DIGEST.fullmatch(digest) else None
+
+
 def _checked_digest(sha256: str) -> str:
     if not _DIGEST.fullmatch(sha256):
         raise InvalidKeyError(f"{sha256!r} is not a SHA-256 in 64 hexadecimal digits")
