@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.stream.header import StreamHeader
 from meshtide_server.catalogue import MeshState, UnknownMeshError
-from meshtide_server.hosted_mesh import HostedMesh, Source
+from meshtide_server.hosted_mesh import HostedMesh, Source, Status
 from meshtide_server.hosted_stream import HostedStream
 from meshtide_server.identifiers import is_id
 from meshtide_server.packet_index import PacketIndex, PacketPlace
@@ -28,7 +28,7 @@ from meshtide_server.store.local import LocalStore
 from meshtide_server.store_storage import StoreStorage
 
 if TYPE_CHECKING:
-    from collections.abc import Container
+    from collections.abc import Container, Sequence
     from pathlib import Path
 
     from meshtide_server.block_cache import BlockCache
@@ -127,6 +127,7 @@ class KeptMeshes:
             page = await self.catalogue.meshes.list(replace(query, limit=limit - len(found)))
             found += [shown(record) for record in page.meshes if record.id not in without]
             if page.next is None or len(found) == limit:
+                await self._tell_progress(found)
                 return found, page.next is not None
             query = replace(query, after=page.next)
 
@@ -190,7 +191,9 @@ class KeptMeshes:
             except UnknownMeshError:
                 return None
             if record.state != MeshState.READY or record.stream is None:
-                return shown(record)
+                mesh = shown(record)
+                await self._tell_progress([mesh])
+                return mesh
             try:
                 found = shown(record, await self._stream(record.stream))
             except _StreamGoneError:  # replaced or deleted in this moment
@@ -201,6 +204,12 @@ class KeptMeshes:
         if found is None:
             raise StoreError(f"the stream of {mesh_id} left the catalogue {ATTEMPTS} times; what replaces it so often?")
         return found
+
+    async def _tell_progress(self, meshes: Sequence[HostedMesh]) -> None:
+        """Note in meshes that are being encoded how far they are."""
+        waiting = {mesh.id: mesh for mesh in meshes if mesh.status == Status.ENCODING}
+        for mesh_id, (stage, done) in (await self.catalogue.jobs.progress(list(waiting))).items() if waiting else ():
+            waiting[mesh_id].advance(stage, done)
 
     def _remember(self, record: MeshRecord) -> None:
         self._records[record.id] = record

@@ -138,6 +138,21 @@ async def test_a_stream_that_is_always_gone_is_told(
         await kept_of(store, catalogue).find("a")
 
 
+async def test_a_mesh_that_is_encoded_says_how_far_it_is(store: Store, catalogue: Catalogue) -> None:
+    kept = kept_of(store, catalogue)
+    for mesh_id in ("a", "b"):
+        await catalogue.add_with_job(MeshRecord(mesh_id, mesh_id), f"sources/{'0' * 64}.{mesh_id}", {})
+    await catalogue.meshes.add(MeshRecord("c", "c"))
+    job = await catalogue.jobs.claim("worker")
+    assert job is not None
+    await catalogue.jobs.heartbeat(job.id, "worker", "levels", 0.25)
+    page, _ = await kept.page(Search(), {}, 10)
+    assert [(mesh.stage, mesh.progress) for mesh in page] == [("levels", 0.25), ("waiting", 0.0), ("waiting", 0.0)]
+    found = await kept.find("a")
+    assert found is not None
+    assert "levels, 25%" in found.not_ready_message
+
+
 async def test_packets_are_found_wherever_they_are_known(store: Store, catalogue: Catalogue) -> None:
     kept = kept_of(store, catalogue)
     await publish(store, catalogue, make_stream(1), Publication("a", "a.obj"))

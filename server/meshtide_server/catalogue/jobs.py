@@ -88,6 +88,14 @@ class Jobs:
             ordered = statement.order_by(job_table.c.created.desc(), job_table.c.id).limit(limit)
             return [_job(row) for row in (await connection.execute(ordered)).mappings()]
 
+    async def progress(self, mesh_ids: Sequence[str]) -> dict[str, tuple[str, float]]:
+        """What is being done for each of these meshes that waits or is encoded, and the fraction of it that is done."""
+        columns = (job_table.c.mesh_id, job_table.c.stage, job_table.c.progress)
+        unfinished = job_table.c.state.in_([JobState.QUEUED.value, JobState.RUNNING.value])
+        statement = select(*columns).where(and_(job_table.c.mesh_id.in_(mesh_ids), unfinished))
+        async with self._database.reading() as connection:
+            return {mesh_id: (stage, done) for mesh_id, stage, done in (await connection.execute(statement)).all()}
+
     async def counts(self) -> dict[JobState, int]:
         """How many jobs are in which state."""
         async with self._database.reading() as connection:
