@@ -237,6 +237,9 @@ def ingest(
         int | None, typer.Option("-B", "--bits", help="Bits per coordinate; default: the server's.")
     ] = None,
     profile: Annotated[str | None, typer.Option(help="compact or classic; default: the server's.")] = None,
+    effort: Annotated[
+        str | None, typer.Option(help="compact: default, or high: smaller and slower; default: the server's.")
+    ] = None,
     tag: Annotated[list[str] | None, typer.Option(help="To find them by; may be repeated.")] = None,
     licence: Annotated[str, typer.Option(help="The text of their terms.")] = "",
     replace: Annotated[
@@ -268,9 +271,10 @@ def ingest(
     if into_store == (server is not None):
         raise OptionError("say where to: --server, or --data, or --store and --database")
     files = mesh_files(paths)
+    how = {"bits": bits, "profile": profile, "effort": effort}
     with IngestDisplay(len(files), quiet=as_json) as display:
         if server is not None:
-            given = {"bits": bits, "profile": profile, "tag": tag, "licence": licence or None}
+            given = {**how, "tag": tag, "licence": licence or None}
             results = ingest_files(
                 files,
                 server,
@@ -283,8 +287,8 @@ def ingest(
             )
         else:
             where = {"data": data, "store": store, "database": database, "workers": workers, "scheduler": distributed}
-            how = {"bits": bits, "profile": profile, "tags": tuple(tag or ()), "licence": licence, "patience": timeout}
-            options = {**where, **how}
+            told = {"tags": tuple(tag or ()), "licence": licence}
+            options = {**where, **how, **told, "patience": timeout}
             results = ingest_into_store(files, options, replace=replace, progress=display.tell, stage=display.stage)
     place = {"server": server, "data": data, "store": store, "scheduler": distributed}
     if print_ingested(
@@ -301,6 +305,9 @@ def export(
     static: Annotated[Path, typer.Option(help="Folder to write to; any web server can host it.")],
     bits: Annotated[int, typer.Option("-B", "--bits", help="Bits per coordinate for meshes encoded here.")] = 12,
     profile: Annotated[str, typer.Option(help="How meshes are encoded here: compact or classic.")] = "compact",
+    effort: Annotated[
+        str | None, typer.Option(help="compact: default, or high: smaller, and slower.", show_default=False)
+    ] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     as_json: JsonOption = False,
@@ -318,7 +325,7 @@ def export(
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.command_options import profile_options
 
-    options = profile_options(profile, bits, {}, {})
+    options = profile_options(profile, bits, {"effort": effort}, {})
     link = Link(timeout=timeout, token=find_token(token_file))
 
     def notify(sentence: str) -> None:

@@ -60,7 +60,7 @@ def ingest(
         parallel: how many are uploaded at a time.
         timeout: seconds without any news until the connection counts as lost.
         replace: whether to upload what the server has already; see `IngestPlan`.
-        options: query parameters of each upload, such as bits, profile, tag and licence.
+        options: query parameters of each upload, such as bits, profile, effort, tag and licence.
         progress: is told of each file that is through.
 
     Raises:

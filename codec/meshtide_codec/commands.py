@@ -286,7 +286,8 @@ def _print_report(report: Mapping[str, Any]) -> None:
     from meshtide_codec.command_line import wide_console
 
     kinds = list(report["bytes_by_kind"])
-    title = f"profile {report['profile']}, B = {report['bits']}{_predictor(report)}"
+    effort = f", effort {report['effort']}" if report["effort"] else ""
+    title = f"profile {report['profile']}{effort}, B = {report['bits']}{_predictor(report)}"
     table = Table(title=title, box=box.SIMPLE)
     for column in ("level", "vertices", "faces", *kinds, "bytes so far", "rms", "maximum"):
         table.add_column(column, justify="right")

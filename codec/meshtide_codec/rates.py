@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 
 if TYPE_CHECKING:
@@ -32,6 +33,13 @@ def bytes_by_level(header: StreamHeader) -> dict[int, dict[str, int]]:
     return totals
 
 
+def effort_of(header: StreamHeader) -> Effort | None:
+    """The effort at which a stream was encoded: high if any layer is coded deeply; None: its profile knows none."""
+    if header.profile != "compact":
+        return None
+    return Effort.HIGH if header.options.get("e") else Effort.DEFAULT
+
+
 def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
     """All that a header tells, as plain values that can become JSON.
 
@@ -43,6 +51,7 @@ def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
     by_level = bytes_by_level(header)
     return {
         "profile": header.profile,
+        "effort": effort_of(header),
         "options": _printable(header.options),
         "bits": header.bits,
         "origin": list(header.origin),

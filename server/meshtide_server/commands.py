@@ -42,6 +42,12 @@ def serve(
     profile: Annotated[
         str | None, typer.Option(help="How meshes are encoded here: compact or classic.", show_default="compact")
     ] = None,
+    effort: Annotated[
+        str | None,
+        typer.Option(
+            help="compact: default, or high: smaller, and slower to encode and to decode.", show_default="default"
+        ),
+    ] = None,
     allow_origin: Annotated[
         list[str] | None, typer.Option(help="Web origin whose pages may read the meshes; * for all. May be repeated.")
     ] = None,
@@ -141,6 +147,7 @@ def serve(
         "cache": cache,
         "bits": bits,
         "profile": profile,
+        "effort": effort,
         "allowed_origins": tuple(allow_origin) if allow_origin else None,
         "allowed_methods": tuple(allow_method) if allow_method else None,
         "allowed_headers": tuple(allow_header) if allow_header else None,

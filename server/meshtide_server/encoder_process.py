@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from asyncio.subprocess import Process
     from collections.abc import Callable
 
-    from meshtide_server.stream_cache import EncodingOptions
+    from meshtide_server.encoding_options import EncodingOptions
     from meshtide_server.upload_checks import UploadLimits
 
 logger = logging.getLogger("meshtide.server")
@@ -90,8 +90,7 @@ class Job:
             "file": str(self.file) if self.file else None,
             "sample": self.sample,
             "digest": self.digest,
-            "bits": self.options.bits,
-            "profile": self.options.profile,
+            "options": self.options.plain(),
             "targets": [str(target) for target in self.targets],
             "limits": asdict(self.limits) if self.limits else None,
         }

@@ -121,11 +121,14 @@ def _encode(job: dict[str, Any], reporter: Reporter) -> tuple[bytes, list[list[f
     from meshtide_codec.command_options import profile_options  # noqa: PLC0415 - heavy, only of use in this process
     from meshtide_codec.compilation import announced_compilation  # noqa: PLC0415 - the same
     from meshtide_codec.encoder import encode  # noqa: PLC0415 - the same
+    from meshtide_server.encoding_options import PROFILE_OF_EFFORTS, EncodingOptions  # noqa: PLC0415 - the same
 
     reporter.progress("read the mesh", 0.0)
     mesh = _load(job)
     with announced_compilation(lambda: reporter.progress("compile kernels, first run only", 0.0)):
-        options = profile_options(job["profile"], job["bits"], {}, {})
+        chosen = EncodingOptions.from_plain(job["options"])
+        effort = chosen.effort if chosen.profile == PROFILE_OF_EFFORTS else None
+        options = profile_options(chosen.profile, chosen.bits, {"effort": effort}, {})
         encoded = encode(mesh, options, progress=reporter.progress)
         vertices = encoded.quantized.mesh().vertices
         return encoded.to_bytes(), [vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()]

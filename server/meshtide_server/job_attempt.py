@@ -23,12 +23,13 @@ from meshtide_server import metrics
 from meshtide_server.catalogue import DatabaseUnavailableError, JobState, MeshState, UnknownJobError, UnknownMeshError
 from meshtide_server.encoder_process import EncodingFailedError
 from meshtide_server.encoder_process import Job as EncoderJob
+from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.metrics import JobOutcome
 from meshtide_server.publishing import Publication, publish
 from meshtide_server.readiness import CHECK_SECONDS, check_store
 from meshtide_server.store import StoreError, stream_key
-from meshtide_server.stream_cache import EncodingOptions, file_digest
+from meshtide_server.stream_cache import file_digest
 from meshtide_server.upload_checks import UploadLimits
 
 if TYPE_CHECKING:
@@ -193,6 +194,10 @@ class JobAttempt:
                 piece = await store.get_range(key, start, min(start + CHUNK, size))
                 await asyncio.to_thread(file.write, piece)
 
+    @property
+    def _options(self) -> EncodingOptions:
+        return EncodingOptions.from_plain(self._job.options)
+
     async def _encoded_before(self, mesh: MeshRecord) -> bytes | None:
         """The stream that another job made of the same file with the same options, if there is one."""
         catalogue = self._kept.catalogue
@@ -200,7 +205,9 @@ class JobAttempt:
         if twin is None or twin.stream is None or twin.state != MeshState.READY:
             return None
         done = await catalogue.jobs.list(mesh_id=twin.id, state=JobState.DONE, limit=1)
-        if not done or (done[0].source_key, done[0].options) != (self._job.source_key, self._job.options):
+        if not done or done[0].source_key != self._job.source_key:
+            return None
+        if EncodingOptions.from_plain(done[0].options) != self._options:
             return None
         self._box = twin.box
         return await self._kept.store.get(stream_key(twin.stream))
@@ -208,10 +215,10 @@ class JobAttempt:
     async def _encoded(self, encoder: EncoderProcess, source: Path) -> Path:
         """The stream of the upload, as a file beside it."""
         target = source.with_suffix(TIDE_SUFFIX)
-        options = EncodingOptions(bits=int(self._job.options["bits"]), profile=str(self._job.options["profile"]))
         digest = await asyncio.to_thread(file_digest, source)
         limits = UploadLimits(self._settings.max_vertices, self._settings.max_faces)
-        encoded = await encoder.encode(EncoderJob(source, None, digest, options, (target,), limits), self._advance)
+        job = EncoderJob(source, None, digest, self._options, (target,), limits)
+        encoded = await encoder.encode(job, self._advance)
         self._box = encoded.box
         return target
 

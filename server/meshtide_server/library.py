@@ -33,7 +33,6 @@ from meshtide_server.storage import FileIdentity, FileStorage, MemoryStorage, St
 from meshtide_server.store import open_store
 from meshtide_server.stream_cache import (
     CachePlace,
-    EncodingOptions,
     cache_folders,
     file_digest,
     name_prefix,
@@ -68,7 +67,7 @@ class Library:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._options = EncodingOptions(bits=settings.bits, profile=settings.profile)
+        self._options = settings.encoding
         self._meshes: dict[str, HostedMesh] = {}
         self._packets = PacketIndex()
         self.kept: KeptMeshes | None = None

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
+from meshtide_codec.compact.effort import Effort  # noqa: TC001 - pydantic reads the annotations
+from meshtide_codec.rates import effort_of
 from meshtide_server.catalogue.meshes import LARGEST_PAGE
 from meshtide_server.hosted_mesh import Status  # noqa: TC001 - pydantic reads the annotations
 from meshtide_server.searching import Search, box_of, parse_box
@@ -279,8 +281,9 @@ class MeshDetail(BaseModel):
                     "vertices": _SUMMARY["vertices"],
                     "faces": _SUMMARY["faces"],
                     "fingerprint": "5b0c0f4e" * 8,
-                    "profile": "classic",
-                    "options": {},
+                    "profile": "compact",
+                    "effort": "high",
+                    "options": {"f": "8410", "e": 1},
                     "bits": 12,
                     "origin": [-0.09469, 0.03299, -0.06187],
                     "extent": 0.1557,
@@ -306,6 +309,7 @@ class MeshDetail(BaseModel):
     faces: int = Field(description="Faces of the finest level.")
     fingerprint: str = Field(description="Of the stream, in hexadecimal; also the entity tag of the .tide file.")
     profile: str
+    effort: Effort | None = Field(description="What counted when it was encoded; none in profile classic.")
     options: dict[str, Any] = Field(description="What the profile's decoder is told.")
     bits: int = Field(description="Quantization bits per coordinate.")
     origin: tuple[float, float, float] = Field(description="Position of grid point (0, 0, 0).")
@@ -333,6 +337,7 @@ class MeshDetail(BaseModel):
             faces=header.faces,
             fingerprint=stream.fingerprint,
             profile=header.profile,
+            effort=effort_of(header),
             options=plain(dict(header.options)),
             bits=header.bits,
             origin=header.origin,

@@ -17,6 +17,8 @@ from fastapi import Query as QueryParameters
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
+from meshtide_codec.compact.effort import Effort  # noqa: TC001 - pydantic reads the annotations
+from meshtide_codec.errors import OptionError
 from meshtide_codec.quantize import LARGEST_B, SMALLEST_B
 from meshtide_server.access import require_read, require_write
 from meshtide_server.catalogue import JobState, MeshExistsError, MeshRecord, UnknownJobError, UnknownMeshError
@@ -124,7 +126,12 @@ class UploadQuery(BaseModel):
     )
     licence: str = Field(default="", description="The text of its terms.", max_length=LONGEST_LICENCE, pattern=NO_NUL)
     bits: int | None = Field(default=None, description="Bits per coordinate.", ge=SMALLEST_B, le=LARGEST_B)
-    profile: Profile | None = Field(default=None, description="How it is encoded.")
+    profile: Profile | None = Field(default=None, description="How it is encoded.", examples=["compact"])
+    effort: Effort | None = Field(
+        default=None,
+        description="What counts where it is encoded in profile compact: default, time, or high, size.",
+        examples=["high"],
+    )
 
     def mesh(self, mesh_id: str, source: Upload) -> MeshRecord:
         """The mesh as it comes into the catalogue."""
@@ -132,8 +139,15 @@ class UploadQuery(BaseModel):
         return MeshRecord(mesh_id, name, tuple(sorted(set(self.tag))), self.licence, source=source.sha256)
 
     def options(self, settings: Settings) -> dict[str, Any]:
-        """How it is to be encoded, as jobs know it."""
-        return {"bits": self.bits or settings.bits, "profile": self.profile or settings.profile}
+        """How it is to be encoded, as jobs know it.
+
+        Raises:
+            RefusedError: 422, an effort that the profile does not know.
+        """
+        try:
+            return settings.encoding.changed(self.bits, self.profile, self.effort).plain()
+        except OptionError as error:
+            raise RefusedError(HTTPStatus.UNPROCESSABLE_ENTITY, "invalid", str(error)) from error
 
 
 Query = Annotated[UploadQuery, QueryParameters()]
@@ -154,12 +168,13 @@ async def upload(request: Request, response: Response, query: Query) -> JobStatu
     curl --data-binary @scan.ply -H "Authorization: Bearer TOKEN" "http://host:8000/meshes?filename=scan.ply"
     """
     name = PurePosixPath(query.filename)
+    options = query.options(_settings(request))
     source = await _received(request, query)
     taken = await _library(request).taken_ids(name.stem)
     while True:
         mesh_id = unique_id(name.stem, name.suffix.lower(), taken)
         try:
-            return await _accepted(request, response, query, mesh_id, source, replace=False)
+            return await _accepted(request, response, query.mesh(mesh_id, source), source, options, replace=False)
         except MeshExistsError:
             taken.add(mesh_id)
 
@@ -176,8 +191,9 @@ async def upload(request: Request, response: Response, query: Query) -> JobStatu
 async def put_mesh(request: Request, response: Response, mesh_id: MeshId, query: Query) -> JobStatus:
     """Upload a mesh file, or a .tide file, under an id of your own; a published mesh of that id is replaced."""
     refuse_folder_mesh(request, mesh_id)
+    options = query.options(_settings(request))
     source = await _received(request, query)
-    return await _accepted(request, response, query, mesh_id, source, replace=True)
+    return await _accepted(request, response, query.mesh(mesh_id, source), source, options, replace=True)
 
 
 @router.delete(
@@ -274,14 +290,12 @@ async def _received(request: Request, query: UploadQuery) -> Upload:
 
 
 async def _accepted(
-    request: Request, response: Response, query: UploadQuery, mesh_id: str, source: Upload, *, replace: bool
+    request: Request, response: Response, mesh: MeshRecord, source: Upload, options: dict[str, Any], *, replace: bool
 ) -> JobStatus:
     """Queue the job of an upload, and answer that it is taken."""
     kept = kept_of(request)
-    earlier = await _sources_of(kept, mesh_id) if replace else ()
-    _, job = await kept.catalogue.add_with_job(
-        query.mesh(mesh_id, source), source.key, query.options(_settings(request)), replace=replace, note=source.note
-    )
+    earlier = await _sources_of(kept, mesh.id) if replace else ()
+    _, job = await kept.catalogue.add_with_job(mesh, source.key, options, replace=replace, note=source.note)
     await _collect(kept, earlier)
     runner: JobRunner = request.app.state.jobs
     runner.notify()

@@ -15,9 +15,11 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.errors import OptionError
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
+from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.logs import LogFormat  # noqa: TC001 - pydantic reads the annotations
 
 Profile = Literal["compact", "classic"]
@@ -91,6 +93,11 @@ class Settings(BaseSettings):
     )
     profile: Profile = Field(
         default="compact", description="How meshes are encoded here: compact, or classic, the paper's codec."
+    )
+    effort: Effort = Field(
+        default=Effort.DEFAULT,
+        description="What counts where meshes are encoded in profile compact: default, time, or high, size; those "
+        "streams take longer to encode and to decode.",
     )
     rescan_seconds: float = Field(
         default=5.0, ge=0.0, description="How often the folder is looked at again for new and changed files; 0: never."
@@ -255,6 +262,19 @@ class Settings(BaseSettings):
                 "or --data for a folder of published ones"
             )
         return self
+
+    @model_validator(mode="after")
+    def _check_effort(self) -> Self:
+        try:
+            _ = self.encoding
+        except OptionError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+    @property
+    def encoding(self) -> EncodingOptions:
+        """How meshes are encoded of which nothing else is said."""
+        return EncodingOptions(self.bits, self.profile, self.effort)
 
     @property
     def encoder_processes(self) -> int:

@@ -14,18 +14,21 @@ import os
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import meshtide_codec
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.stream.header import FORMAT_VERSION
 from meshtide_server.hosted_stream import StoppedError
 from meshtide_server.identifiers import slug
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from meshtide_server.encoding_options import EncodingOptions
 
 logger = logging.getLogger("meshtide.server")
 
@@ -34,19 +37,6 @@ ADJACENT_NAME = ".meshtide"
 CHUNK = 1 << 20
 ABANDONED_SECONDS = 3600.0
 """A partial file of this age belongs to no running encoder."""
-
-
-@dataclass(frozen=True, slots=True)
-class EncodingOptions:
-    """How meshes are encoded here.
-
-    Args:
-        bits: B, quantization bits per coordinate.
-        profile: "compact" or "classic".
-    """
-
-    bits: int
-    profile: str = "compact"
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,17 +118,19 @@ def codec_digest() -> str:
 
 def stream_key(content: str, options: EncodingOptions) -> str:
     """The key of the stream of a mesh with the digest `content`, encoded by this program with `options`."""
-    parts = {"content": content, "options": asdict(options), "format": FORMAT_VERSION, "codec": codec_digest()}
+    parts = {"content": content, "options": options.plain(), "format": FORMAT_VERSION, "codec": codec_digest()}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def name_prefix(name: str, options: EncodingOptions) -> str:
     """How the names of the streams of the mesh file `name`, encoded with `options`, begin; no other names do.
 
+    >>> from meshtide_server.encoding_options import EncodingOptions
     >>> name_prefix("Bunny (1).obj", EncodingOptions(bits=12))
     'bunny-1-obj-58f290dc-compact-b12'
     """
-    return f"{slug(name, 60)}-{_short_digest(name)}-{options.profile}-b{options.bits}"
+    effort = "" if options.effort is Effort.DEFAULT else f"-{options.effort}"
+    return f"{slug(name, 60)}-{_short_digest(name)}-{options.profile}-b{options.bits}{effort}"
 
 
 def _short_digest(name: str) -> str:

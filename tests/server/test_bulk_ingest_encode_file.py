@@ -18,7 +18,8 @@ from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask, encod
 from meshtide_server.bulk_ingest.idle_encoders import end_idle_encoders
 from meshtide_server.catalogue import Box
 from meshtide_server.encoder_process import Encoded, EncodingFailedError, ProcessLimits
-from meshtide_server.stream_cache import EncodingOptions, codec_digest
+from meshtide_server.encoding_options import EncodingOptions
+from meshtide_server.stream_cache import codec_digest
 from meshtide_server.upload_checks import UploadLimits
 
 if TYPE_CHECKING:

@@ -50,12 +50,15 @@ def test_arguments_become_settings(
 ) -> None:
     monkeypatch.setenv("MESHTIDE_PORT", "1234")
     monkeypatch.setenv("MESHTIDE_HOST", "::1")
+    monkeypatch.setenv("MESHTIDE_EFFORT", "default")
     arguments = [str(folder), "--port", "0", "--cache", "c", "--bits", "10", "--log-level", "debug", "--announce"]
+    arguments += ["--effort", "high"]
     result = CliRunner().invoke(app, [*arguments, "--allow-origin", "https://a.example", "--allow-origin", "*"])
     assert result.exit_code == 0, result.output
     ((settings, announce, ready_file),) = runs
     assert settings.directory == folder
     assert (settings.port, settings.host, settings.bits, settings.log_level) == (0, "::1", 10, "debug")
+    assert settings.effort == "high"
     assert settings.allowed_origins == ("https://a.example", "*")
     assert not settings.samples
     assert (announce, ready_file) == (True, None)
@@ -68,6 +71,8 @@ def test_arguments_become_settings(
         (["/nowhere/at/all"], "directory: there is no folder /nowhere/at/all"),
         (["--samples", "--log-level", "loud"], "log_level: Input should be 'debug', 'info'"),
         (["--samples", "--bits", "99"], "bits: Input should be less than or equal to 20"),
+        (["--samples", "--effort", "most"], "effort: Input should be 'default' or 'high'"),
+        (["--samples", "--profile", "classic", "--effort", "high"], "effort high is of profile compact"),
         (["--samples", "--port", "70000"], "'--port': Input should be less than or equal to 65535"),
     ],
 )

@@ -16,7 +16,8 @@ import pytest
 
 from meshtide_codec.stream.container import read_container
 from meshtide_server.encoder_process import EncoderProcess, EncodingFailedError, Job, ProcessLimits
-from meshtide_server.stream_cache import EncodingOptions, file_digest
+from meshtide_server.encoding_options import EncodingOptions
+from meshtide_server.stream_cache import file_digest
 from meshtide_server.upload_checks import UploadLimits
 
 OPTIONS = EncodingOptions(bits=9)

@@ -3,7 +3,9 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.errors import OptionError
+from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.settings import Settings
 
 
@@ -33,6 +35,7 @@ def test_environment_sets_and_arguments_win(monkeypatch: pytest.MonkeyPatch, tmp
         ("port", 65536),
         ("bits", 3),
         ("bits", 21),
+        ("effort", "most"),
         ("hello_timeout", 0),
         ("stall_timeout", -1),
         ("max_message", 10),
@@ -44,6 +47,14 @@ def test_environment_sets_and_arguments_win(monkeypatch: pytest.MonkeyPatch, tmp
 def test_values_outside_their_range_are_refused(name: str, value: object) -> None:
     with pytest.raises(ValidationError, match=name):
         Settings(samples=True, **{name: value})
+
+
+def test_effort_is_of_profile_compact(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Settings(samples=True).encoding == EncodingOptions(12, "compact", Effort.DEFAULT)
+    monkeypatch.setenv("MESHTIDE_EFFORT", "high")
+    assert Settings(samples=True, bits=10).encoding == EncodingOptions(10, "compact", Effort.HIGH)
+    with pytest.raises(ValidationError, match="effort high is of profile compact; take that, or effort default"):
+        Settings(samples=True, profile="classic")
 
 
 def test_nothing_to_host_says_what_to_give() -> None:

@@ -11,13 +11,14 @@ def test_arguments_win_over_the_environment_and_that_over_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "settings.toml"
-    file.write_text("samples = true\nport = 1\nbits = 10\nmax_upload = 11\ndrain_timeout = 1.5\n")
+    file.write_text('samples = true\nport = 1\nbits = 10\neffort = "high"\nmax_upload = 11\ndrain_timeout = 1.5\n')
     monkeypatch.setenv("MESHTIDE_PORT", "2")
     monkeypatch.setenv("MESHTIDE_BITS", "9")
     monkeypatch.setenv("MESHTIDE_MAX_UPLOAD", "")
     settings = load_settings({"bits": 8}, assigned=["MESHTIDE_MAX_FACES=4"], file=file)
     assert (settings.port, settings.bits, settings.max_upload, settings.max_faces) == (2, 8, 11, 4)
     assert settings.drain_timeout == 1.5
+    assert settings.effort == "high"
     assert settings.samples
 
 

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from meshtide_codec.compact.effort import Effort
 from meshtide_server import stream_cache
+from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.hosted_stream import StoppedError
 from meshtide_server.stream_cache import (
     ABANDONED_SECONDS,
     CachePlace,
-    EncodingOptions,
     cache_folders,
     codec_digest,
     file_digest,
@@ -23,6 +24,7 @@ from meshtide_server.stream_cache import (
 )
 
 OPTIONS = EncodingOptions(bits=12)
+HIGH = EncodingOptions(bits=12, effort=Effort.HIGH)
 
 
 def no_scratch() -> Path:
@@ -31,11 +33,12 @@ def no_scratch() -> Path:
 
 def test_key_depends_on_content_options_and_codec(monkeypatch: pytest.MonkeyPatch) -> None:
     keys = {stream_key("a", OPTIONS), stream_key("b", OPTIONS), stream_key("a", EncodingOptions(bits=10))}
+    keys.add(stream_key("a", HIGH))
     monkeypatch.setattr(stream_cache, "codec_digest", lambda: "another encoder")
     keys.add(stream_key("a", OPTIONS))
     monkeypatch.setattr(stream_cache, "FORMAT_VERSION", 99)
     keys.add(stream_key("a", OPTIONS))
-    assert len(keys) == 5
+    assert len(keys) == 6
 
 
 def test_codec_digest_follows_the_sources_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,6 +93,17 @@ def test_prefixes_of_different_names_differ(first: str, second: str) -> None:
     first, second = first.encode(errors="ignore").decode(), second.encode(errors="ignore").decode()
     assert (name_prefix(first, OPTIONS) == name_prefix(second, OPTIONS)) == (first == second)
     assert len(name_prefix(first, OPTIONS)) < 80
+
+
+def test_streams_of_one_mesh_at_different_efforts_do_not_drive_each_other_out(tmp_path: Path) -> None:
+    places = [CachePlace((tmp_path,), name_prefix("spot.obj", each), stream_key("a", each)) for each in (OPTIONS, HIGH)]
+    for place in places:
+        assert place.find() is None
+        place.paths[0].touch()
+    for place in places:
+        place.prune()
+    assert [place.find() for place in places] == [place.paths[0] for place in places]
+    assert places[0].paths != places[1].paths
 
 
 def test_place_prefers_the_first_folder_and_finds_in_all(tmp_path: Path) -> None:

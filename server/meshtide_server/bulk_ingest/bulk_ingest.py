@@ -55,6 +55,7 @@ class BulkIngest:
         database: address of another catalogue; one with a password belongs into the environment, MESHTIDE_DATABASE.
         bits: per coordinate.
         profile: "compact" or "classic".
+        effort: "default" or "high"; of profile compact.
         tags: of all meshes.
         licence: the text of their terms.
         workers: processes that encode here, or None for as many as a server has.
@@ -73,6 +74,7 @@ class BulkIngest:
         database: str | None = None,
         bits: int | None = None,
         profile: str | None = None,
+        effort: str | None = None,
         tags: tuple[str, ...] = (),
         licence: str = "",
         workers: int | None = None,
@@ -81,7 +83,8 @@ class BulkIngest:
     ) -> None:
         if database is not None and checked_url(database).password is not None:
             raise OptionError("everybody on this machine can read the command line: set MESHTIDE_DATABASE instead")
-        given = {"data": data, "store": store, "database": database, "bits": bits, "profile": profile}
+        how = {"bits": bits, "profile": profile, "effort": effort}
+        given = {"data": data, "store": store, "database": database, **how}
         settings: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         try:
             self._settings = Settings(**settings)

@@ -21,7 +21,7 @@ from meshtide_server.encoder_process import ProcessLimits
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.identifiers import unique_id
 from meshtide_server.publishing import Publication, publish
-from meshtide_server.stream_cache import EncodingOptions, codec_digest
+from meshtide_server.stream_cache import codec_digest
 from meshtide_server.upload_checks import UploadLimits
 from meshtide_server.uploads import checked_suffix
 
@@ -178,7 +178,7 @@ class Ingestion:
         task = FileTask(
             chosen.file.absolute(),
             chosen.digest,
-            EncodingOptions(settings.bits, settings.profile),
+            settings.encoding,
             UploadLimits(settings.max_vertices, settings.max_faces),
             ProcessLimits(settings.job_memory, settings.job_processor_seconds),
             settings.job_seconds,
