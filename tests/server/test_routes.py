@@ -50,7 +50,7 @@ async def test_list_of_meshes(client: httpx.AsyncClient) -> None:
 
 async def test_detail_locates_levels_and_packets_in_the_file(client: httpx.AsyncClient) -> None:
     detail = (await client.get("/meshes/small")).json()
-    assert detail["profile"] == "classic"
+    assert (detail["profile"], detail["effort"]) == ("classic", None)
     assert detail["options"] == {"seed": 0, "mark": "00ff"}
     assert (detail["bits"], detail["origin"], detail["extent"]) == (12, [0.0, -1.0, 0.5], 2.0)
     assert [row["level"] for row in detail["levels"]] == [2, 1, 0]

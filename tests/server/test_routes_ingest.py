@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import socket
+import sqlite3
 import time
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -14,10 +16,11 @@ import pytest
 from pydantic import SecretStr
 
 from meshes import grid
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
-from meshtide_codec.files import save_mesh
+from meshtide_codec.files import load_mesh, save_mesh
 from meshtide_server.settings import Settings
 
 from .conftest import TETRAHEDRON, LiveServer, make_stream, running
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
 
 TOKEN = "a-token-for-writing-000"  # noqa: S105 - of this test's server
 WRITER = {"Authorization": f"Bearer {TOKEN}"}
+BITS = 8
 
 
 def settings_for(folder: Path, data: Path, **more: Any) -> Settings:
@@ -46,6 +50,14 @@ def settings_for(folder: Path, data: Path, **more: Any) -> Settings:
 def server(folder: Path, tmp_path: Path) -> Iterator[LiveServer]:
     with running(settings_for(folder, tmp_path / "data", max_upload=200_000)) as live:
         yield live
+
+
+@pytest.fixture
+def effort_streams(tmp_path: Path) -> dict[str, bytes]:
+    """patch.ply in `tmp_path`, as it is encoded at each effort."""
+    save_mesh(grid(9), tmp_path / "patch.ply")
+    mesh = load_mesh(tmp_path / "patch.ply")
+    return {effort: encode(mesh, CompactOptions(bits=BITS, effort=effort)).to_bytes() for effort in Effort}
 
 
 def finished(url: str, job_id: str, seconds: float = 120.0) -> dict[str, Any]:
@@ -91,6 +103,42 @@ def test_an_upload_is_encoded_and_can_be_fetched(server: LiveServer, tmp_path: P
     assert finished(server.url, again["id"])["state"] == "done"
     assert httpx.get(f"{server.url}/meshes/patch-ply.tide").content == whole.content
     assert httpx.get(f"{server.url}/meshes/patch-ply").json()["box"] == box
+
+
+def test_the_effort_of_an_upload_goes_before_that_of_the_server(
+    folder: Path, tmp_path: Path, effort_streams: dict[str, bytes]
+) -> None:
+    data = (tmp_path / "patch.ply").read_bytes()
+    with running(settings_for(folder, tmp_path / "data", bits=BITS, effort="high")) as live:
+        for said, effort in (({}, "high"), ({"effort": "default"}, "default"), ({"effort": "high"}, "high")):
+            job = post(live.url, "patch.ply", data, **said).json()
+            assert finished(live.url, job["id"])["state"] == "done"
+            assert httpx.get(f"{live.url}/meshes/{job['mesh']}.tide").content == effort_streams[effort]
+            detail = httpx.get(f"{live.url}/meshes/{job['mesh']}").json()
+            assert (detail["effort"], detail["options"].get("e", 0)) == (effort, int(effort == "high"))
+        classic = post(live.url, "patch.ply", data, profile="classic").json()
+        assert finished(live.url, classic["id"])["state"] == "done"
+        assert httpx.get(f"{live.url}/meshes/{classic['mesh']}").json()["profile"] == "classic"
+
+
+def test_a_job_of_before_there_was_a_choice_of_effort_is_done(
+    folder: Path, tmp_path: Path, effort_streams: dict[str, bytes]
+) -> None:
+    data = (tmp_path / "patch.ply").read_bytes()
+    settings = settings_for(folder, tmp_path / "data", bits=BITS, effort="high")
+    with running(settings) as live:
+        live.loop.call_soon_threadsafe(live.app.state.draining.set)  # jobs are not begun any more
+        time.sleep(0.1)
+        job = post(live.url, "patch.ply", data).json()
+    with closing(sqlite3.connect(tmp_path / "data" / "catalogue.db")) as connection, connection:
+        options = json.dumps({"bits": BITS, "profile": "compact"})
+        assert connection.execute("UPDATE job SET options = ?", (options,)).rowcount == 1
+    with running(settings) as live:
+        assert finished(live.url, job["id"])["state"] == "done"
+        assert httpx.get(f"{live.url}/meshes/patch.tide").content == effort_streams["default"]
+        again = post(live.url, "patch.ply", data, effort="default").json()  # has the stream that is there
+        assert finished(live.url, again["id"])["state"] == "done"
+        assert httpx.get(f"{live.url}/meshes/{again['mesh']}.tide").content == effort_streams["default"]
 
 
 def test_a_stream_is_published_as_it_is_replaced_and_deleted(server: LiveServer) -> None:
@@ -233,6 +281,9 @@ def test_reasons_name_no_places_of_the_server(server: LiveServer) -> None:
         {"filename": "a.obj", "licence": "\0"},
         {"filename": "a.obj", "bits": 99},
         {"filename": "a.obj", "profile": "other"},
+        {"filename": "a.obj", "effort": "most"},
+        {"filename": "a.obj", "effort": ""},
+        {"filename": "a.obj", "profile": "classic", "effort": "high"},
         {},
     ],
 )
