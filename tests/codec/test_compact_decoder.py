@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshes import grid, random_meshes, shapes
+from meshtide_codec.compact.effort import DeepLayers, Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, decode
 from meshtide_codec.encoder import DISTANCE_SAMPLES, DISTANCE_VERTICES, EncodedMesh, encode
@@ -20,9 +21,9 @@ from streams import check_with_one_damaged_packet
 
 
 @cache
-def encoded_patch(slices: int = 1) -> EncodedMesh:
+def encoded_patch(slices: int = 1, effort: Effort = Effort.DEFAULT) -> EncodedMesh:
     """A mesh with several levels beyond its base and several Diffs."""
-    return encode(grid(30), CompactOptions(bits=10, slices=slices, previews=()))
+    return encode(grid(30), CompactOptions(bits=10, slices=slices, previews=(), effort=effort))
 
 
 def assert_exact(decoded: Mesh, encoded: EncodedMesh) -> None:
@@ -40,21 +41,22 @@ def decoder_of(encoded: EncodedMesh, without: set[int] | None = None) -> Decoder
 
 
 @pytest.mark.parametrize("name", shapes())
-@pytest.mark.parametrize("slices", [1, 3])
-def test_every_shape_survives(name: str, slices: int) -> None:
-    encoded = encode(shapes()[name](), CompactOptions(bits=7, slices=slices))
+@pytest.mark.parametrize(("slices", "effort"), [(1, Effort.DEFAULT), (3, Effort.DEFAULT), (2, Effort.HIGH)])
+def test_every_shape_survives(name: str, slices: int, effort: Effort) -> None:
+    encoded = encode(shapes()[name](), CompactOptions(bits=7, slices=slices, effort=effort))
     assert_exact(decode(encoded.to_bytes()), encoded)
 
 
-@given(random_meshes(), st.integers(4, 16), st.sampled_from([1, 2, 7]))
+@given(random_meshes(), st.integers(4, 16), st.sampled_from([1, 2, 7]), st.sampled_from(Effort))
 @settings(max_examples=60)
-def test_random_meshes_survive(mesh: Mesh, bits: int, slices: int) -> None:
-    encoded = encode(mesh, CompactOptions(bits=bits, slices=slices))
+def test_random_meshes_survive(mesh: Mesh, bits: int, slices: int, effort: Effort) -> None:
+    encoded = encode(mesh, CompactOptions(bits=bits, slices=slices, effort=effort))
     assert_exact(decode(encoded.to_bytes()), encoded)
 
 
-def test_encoding_is_deterministic() -> None:
-    options = CompactOptions(bits=10, slices=2)
+@pytest.mark.parametrize("effort", Effort)
+def test_encoding_is_deterministic(effort: Effort) -> None:
+    options = CompactOptions(bits=10, slices=2, effort=effort)
     assert encode(grid(30), options).to_bytes() == encode(grid(30), options).to_bytes()
 
 
@@ -73,8 +75,16 @@ def test_a_mirror_plane_is_used_and_carried() -> None:
     assert len(encoded.to_bytes()) < 0.9 * len(plain.to_bytes())
 
 
-def test_a_stream_cut_after_any_packet_is_a_drawable_mesh() -> None:
-    encoded = encoded_patch()
+def test_effort_high_is_smaller_and_told_in_the_header() -> None:
+    default, high = encoded_patch(), encoded_patch(effort=Effort.HIGH)
+    assert "e" not in default.header.options
+    assert high.header.options["e"] == DeepLayers.ALL
+    assert len(high.to_bytes()) < len(default.to_bytes())
+
+
+@pytest.mark.parametrize("effort", Effort)
+def test_a_stream_cut_after_any_packet_is_a_drawable_mesh(effort: Effort) -> None:
+    encoded = encoded_patch(effort=effort)
     decoder = Decoder(encoded.header)
     for count, packet in enumerate(encoded.packets, 1):
         decoder.push(packet)
@@ -121,8 +131,9 @@ def cells_of(encoded: EncodedMesh, decoder: Decoder) -> None:
     assert (drawn <= low + side + 1e-9).all()
 
 
-def test_every_diff_removed_leaves_connectivity_exact_and_vertices_in_their_cells() -> None:
-    encoded = encoded_patch(slices=3)
+@pytest.mark.parametrize("effort", Effort)
+def test_every_diff_removed_leaves_connectivity_exact_and_vertices_in_their_cells(effort: Effort) -> None:
+    encoded = encoded_patch(slices=3, effort=effort)
     whole = decoder_of(encoded)
     diffs = {i for i, packet in enumerate(encoded.packets) if packet.kind is PacketKind.DIFF}
     assert len(diffs) > 3
@@ -133,10 +144,10 @@ def test_every_diff_removed_leaves_connectivity_exact_and_vertices_in_their_cell
     cells_of(encoded, bare)
 
 
-@given(st.sets(st.integers(0, 40)))
-@settings(max_examples=30)
-def test_vertices_whose_diffs_are_all_there_are_exact(missing: set[int]) -> None:
-    encoded = encoded_patch(slices=4)
+@given(st.sets(st.integers(0, 40)), st.sampled_from(Effort))
+@settings(max_examples=40)
+def test_vertices_whose_diffs_are_all_there_are_exact(missing: set[int], effort: Effort) -> None:
+    encoded = encoded_patch(slices=4, effort=effort)
     lost = {i for i in missing if i < len(encoded.packets) and encoded.packets[i].kind is PacketKind.DIFF}
     decoder = decoder_of(encoded, without=lost)
     expected = encoded.quantized.mesh()
@@ -154,10 +165,10 @@ def test_vertices_whose_diffs_are_all_there_are_exact(missing: set[int]) -> None
         assert_exact(mesh, encoded)
 
 
-@given(st.randoms(use_true_random=False))
+@given(st.randoms(use_true_random=False), st.sampled_from(Effort))
 @settings(max_examples=25)
-def test_the_same_mesh_comes_out_in_any_order_of_arrival(random: object) -> None:
-    encoded = encoded_patch(slices=2)
+def test_the_same_mesh_comes_out_in_any_order_of_arrival(random: object, effort: Effort) -> None:
+    encoded = encoded_patch(slices=2, effort=effort)
     packets = list(encoded.packets)
     random.shuffle(packets)  # type: ignore[attr-defined]
     decoder = Decoder(encoded.header)
@@ -210,14 +221,31 @@ def test_headers_that_make_no_sense_are_refused() -> None:
         Decoder(replace(header, packets=without_base))
 
 
-@given(st.data())
-@settings(max_examples=80)
-def test_hostile_payloads_with_right_framing_raise_from_the_tree_only(data: st.DataObject) -> None:
-    check_with_one_damaged_packet(encoded_patch(slices=2), data)
+@given(st.data(), st.sampled_from(Effort))
+@settings(max_examples=120)
+def test_hostile_payloads_with_right_framing_raise_from_the_tree_only(data: st.DataObject, effort: Effort) -> None:
+    check_with_one_damaged_packet(encoded_patch(slices=2, effort=effort), data)
 
 
-def test_a_map_that_claims_more_children_than_the_header_has_vertices_stops() -> None:
-    encoded = encoded_patch()
+@pytest.mark.parametrize("kind", [PacketKind.BASE, PacketKind.MAP_CONN, PacketKind.DIFF])
+def test_a_payload_of_effort_high_cut_at_every_byte_is_a_mesh_or_an_error(kind: PacketKind) -> None:
+    encoded = encoded_patch(effort=Effort.HIGH)
+    packets = encoded.packets
+    victim = min((i for i, packet in enumerate(packets) if packet.kind is kind), key=lambda i: len(packets[i].payload))
+    for length in range(len(packets[victim].payload)):
+        decoder = Decoder(encoded.header)
+        try:
+            for index, packet in enumerate(packets):
+                shorter = replace(packet, payload=packet.payload[:length])
+                decoder.push(shorter if index == victim else packet)
+        except (PacketError, LimitError):
+            continue
+        assert np.isfinite(decoder.mesh(0).vertices).all()
+
+
+@pytest.mark.parametrize("effort", Effort)
+def test_a_map_that_claims_more_children_than_the_header_has_vertices_stops(effort: Effort) -> None:
+    encoded = encoded_patch(effort=effort)
     smaller = [replace(row, vertices=min(row.vertices, 500)) for row in encoded.header.levels]
     decoder = Decoder(replace(encoded.header, levels=tuple(smaller)))
     with pytest.raises(PacketError, match="claims more than the 500 vertices"):

@@ -26,22 +26,24 @@ from octrees import lattice_soup, torus
 Packets = dict[tuple[int, int], bytes]
 
 
-def fresh_states(octree: Octree, slices: Slices) -> list[SliceState]:
-    return [new_slice_state(octree.levels[0], slices, index) for index in range(len(slices))]
+def fresh_states(octree: Octree, slices: Slices, *, deep: bool = False) -> list[SliceState]:
+    return [new_slice_state(octree.levels[0], slices, index, deep=deep) for index in range(len(slices))]
 
 
-def all_diffs(octree: Octree, slices: Slices, mirror: Mirror | None = None) -> Packets:
+def all_diffs(octree: Octree, slices: Slices, mirror: Mirror | None = None, *, deep: bool = False) -> Packets:
     packets = {}
-    for index, state in enumerate(fresh_states(octree, slices)):
+    for index, state in enumerate(fresh_states(octree, slices, deep=deep)):
         for depth in range(1, octree.bits + 1):
             assert has_diff(octree.levels[depth], slices, index) == (len(state.cells) > 0)
             packets[depth, index] = encode_diff(octree, depth, state, slices, index, mirror)
     return packets
 
 
-def decoded(octree: Octree, slices: Slices, packets: Packets, mirror: Mirror | None = None) -> list[SliceState]:
+def decoded(
+    octree: Octree, slices: Slices, packets: Packets, mirror: Mirror | None = None, *, deep: bool = False
+) -> list[SliceState]:
     """States after all packets of each slice up to its first missing one."""
-    states = fresh_states(octree, slices)
+    states = fresh_states(octree, slices, deep=deep)
     for index, state in enumerate(states):
         for depth in range(1, octree.bits + 1):
             if (depth, index) not in packets:
@@ -72,13 +74,22 @@ def test_torus_round_trip_and_size() -> None:
     assert finest(octree, decoded(octree, slices, packets), slices)
 
 
-def test_symmetry_pays() -> None:
+def test_effort_high_pays() -> None:
+    octree = torus(96, 48, 12)
+    slices = Slices(12)
+    packets = all_diffs(octree, slices, deep=True)
+    assert finest(octree, decoded(octree, slices, packets, deep=True), slices)
+    assert size(packets) < 0.97 * size(all_diffs(octree, slices))
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_symmetry_pays(deep: bool) -> None:
     octree = torus(96, 48, 12)
     slices = Slices(12)
     mirror = find_mirror(octree.positions, 12)
-    packets = all_diffs(octree, slices, mirror)
-    assert finest(octree, decoded(octree, slices, packets, mirror), slices)
-    assert size(packets) < 0.75 * size(all_diffs(octree, slices))
+    packets = all_diffs(octree, slices, mirror, deep=deep)
+    assert finest(octree, decoded(octree, slices, packets, mirror, deep=deep), slices)
+    assert size(packets) < 0.75 * size(all_diffs(octree, slices, deep=deep))
 
 
 def test_slices_cost_little_and_cover_everything() -> None:
@@ -95,13 +106,15 @@ def test_slices_cost_little_and_cover_everything() -> None:
     assert size(packets) < 1.25 * size(all_diffs(octree, Slices(12)))
 
 
-def test_slices_decode_without_each_other() -> None:
+@pytest.mark.parametrize("deep", [False, True])
+def test_slices_decode_without_each_other(deep: bool) -> None:
     octree = torus(48, 24, 11)
     slices = cut(octree, 5)
-    packets = all_diffs(octree, slices)
-    whole = decoded(octree, slices, packets)
+    packets = all_diffs(octree, slices, deep=deep)
+    whole = decoded(octree, slices, packets, deep=deep)
     for index in range(len(slices)):
-        alone = decoded(octree, slices, {key: value for key, value in packets.items() if key[1] == index})
+        mine = {key: value for key, value in packets.items() if key[1] == index}
+        alone = decoded(octree, slices, mine, deep=deep)
         assert np.array_equal(alone[index].cells, whole[index].cells)
 
 
@@ -154,7 +167,7 @@ def test_states_of_another_stream_are_refused() -> None:
         decode_diff(b"", other.levels[10], state, slices, 0)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=60)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(1, 60),
@@ -162,24 +175,25 @@ def test_states_of_another_stream_are_refused() -> None:
     st.integers(4, 9),
     st.integers(1, 4),
     st.booleans(),
+    st.booleans(),
 )
 def test_any_triangle_soup_round_trips(
-    seed: int, vertices: int, faces: int, bits: int, parts: int, mirrored: bool
+    seed: int, vertices: int, faces: int, bits: int, parts: int, mirrored: bool, deep: bool
 ) -> None:
     octree = lattice_soup(seed, vertices, faces, bits)
     mirror = Mirror(seed % 3, seed % (2 << bits), bits) if mirrored else None
     slices = cut(octree, parts)
-    packets = all_diffs(octree, slices, mirror)
-    assert finest(octree, decoded(octree, slices, packets, mirror), slices)
+    packets = all_diffs(octree, slices, mirror, deep=deep)
+    assert finest(octree, decoded(octree, slices, packets, mirror, deep=deep), slices)
 
 
-@settings(deadline=None, max_examples=30)
-@given(st.lists(st.binary(max_size=60), min_size=10, max_size=10), st.booleans())
-def test_random_bytes_stay_within_the_leaf_cells(payloads: list[bytes], mirrored: bool) -> None:
+@settings(deadline=None, max_examples=40)
+@given(st.lists(st.binary(max_size=60), min_size=10, max_size=10), st.booleans(), st.booleans())
+def test_random_bytes_stay_within_the_leaf_cells(payloads: list[bytes], mirrored: bool, deep: bool) -> None:
     octree = torus(12, 8, 10)
     slices = Slices(10)
     mirror = Mirror(2, 400, 10) if mirrored else None
-    state = new_slice_state(octree.levels[0], slices, 0)
+    state = new_slice_state(octree.levels[0], slices, 0, deep=deep)
     for depth, payload in enumerate(payloads, 1):
         try:
             decode_diff(payload, octree.levels[depth], state, slices, 0, mirror)

@@ -10,22 +10,26 @@ from hypothesis import strategies as st
 from meshtide_codec.compact.level import Level, root_level
 from meshtide_codec.compact.map_coder import decode_map, encode_map
 from meshtide_codec.compact.mirror import Mirror, find_mirror
-from meshtide_codec.compact.models import new_map_models
+from meshtide_codec.compact.models import Models, new_deep_map_models, new_map_models
 from meshtide_codec.compact.octree import Octree, build_octree
 from meshtide_codec.errors import MapConnError
 from meshtide_codec.quantize import morton_codes
 from octrees import lattice_soup, torus
 
 
-def all_maps(octree: Octree, mirror: Mirror | None) -> list[bytes]:
-    models = new_map_models()
+def models_of(*, deep: bool) -> Models:
+    return new_deep_map_models() if deep else new_map_models()
+
+
+def all_maps(octree: Octree, mirror: Mirror | None, *, deep: bool = False) -> list[bytes]:
+    models = models_of(deep=deep)
     pairs = zip(octree.levels, octree.levels[1:], strict=False)
     return [encode_map(a, b, octree.bits, models, mirror) for a, b in pairs if not a.all_leaves]
 
 
-def check_round_trip(octree: Octree, mirror: Mirror | None) -> int:
-    maps = all_maps(octree, mirror)
-    models = new_map_models()
+def check_round_trip(octree: Octree, mirror: Mirror | None, *, deep: bool = False) -> int:
+    maps = all_maps(octree, mirror, deep=deep)
+    models = models_of(deep=deep)
     count = len(octree.positions)
     level = root_level(count)
     for payload, true in zip(maps, octree.levels[1:], strict=False):
@@ -53,26 +57,43 @@ def test_torus_round_trip_and_size() -> None:
     assert size * 8 < 4.5 * len(octree.positions)
 
 
-def test_symmetry_pays() -> None:
+def test_effort_high_pays() -> None:
+    octree = torus(96, 48, 10)
+    assert check_round_trip(octree, None, deep=True) < 0.97 * check_round_trip(octree, None)
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_symmetry_pays(deep: bool) -> None:
     octree = torus(96, 48, 10)
     mirror = find_mirror(octree.positions, 10)
     assert mirror is not None
-    assert check_round_trip(octree, mirror) < 0.95 * check_round_trip(octree, None)
+    assert check_round_trip(octree, mirror, deep=deep) < 0.95 * check_round_trip(octree, None, deep=deep)
 
 
-@settings(deadline=None, max_examples=40)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 80), st.integers(0, 80), st.integers(4, 8), st.booleans())
-def test_any_triangle_soup_round_trips(seed: int, vertices: int, faces: int, bits: int, mirrored: bool) -> None:
+@settings(deadline=None, max_examples=60)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 80),
+    st.integers(0, 80),
+    st.integers(4, 8),
+    st.booleans(),
+    st.booleans(),
+)
+def test_any_triangle_soup_round_trips(
+    seed: int, vertices: int, faces: int, bits: int, mirrored: bool, deep: bool
+) -> None:
     octree = lattice_soup(seed, vertices, faces, bits)
     mirror = Mirror(seed % 3, seed % (2 << octree.bits), octree.bits) if mirrored else None
-    check_round_trip(octree, mirror)
+    check_round_trip(octree, mirror, deep=deep)
 
 
+@pytest.mark.parametrize("deep", [False, True])
 @pytest.mark.parametrize("bits", [1, 2, 3])
-def test_every_cell_of_a_full_grid(bits: int) -> None:
+def test_every_cell_of_a_full_grid(bits: int, deep: bool) -> None:
     grid = np.stack(np.meshgrid(*[np.arange(1 << bits)] * 3, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int32)
     order = np.argsort(morton_codes(grid), kind="stable")
-    check_round_trip(build_octree(grid[order], np.zeros((0, 3), np.int32), bits), Mirror(1, (1 << bits) - 1, bits))
+    octree = build_octree(grid[order], np.zeros((0, 3), np.int32), bits)
+    check_round_trip(octree, Mirror(1, (1 << bits) - 1, bits), deep=deep)
 
 
 def test_encoding_is_deterministic_and_leaves_its_input_alone() -> None:
@@ -82,13 +103,14 @@ def test_encoding_is_deterministic_and_leaves_its_input_alone() -> None:
     assert all(np.array_equal(a, level.cells) for a, level in zip(before, octree.levels, strict=True))
 
 
-def test_a_map_that_claims_too_many_vertices_stops() -> None:
+@pytest.mark.parametrize("deep", [False, True])
+def test_a_map_that_claims_too_many_vertices_stops(deep: bool) -> None:
     octree = torus(48, 24, 9)
-    payload = all_maps(octree, None)[0]
+    payload = all_maps(octree, None, deep=deep)[0]
     fine = octree.levels[1]
     needed = 2 * fine.vertex_count - int(fine.leaves.sum())
     with pytest.raises(MapConnError, match="claims more than"):
-        decode_map(payload, root_level(needed), 9, new_map_models(), needed - 1)
+        decode_map(payload, root_level(needed), 9, models_of(deep=deep), needed - 1)
 
 
 def test_leaves_must_add_up_to_the_promised_vertices() -> None:
@@ -115,10 +137,12 @@ def test_a_longer_payload_is_refused_and_models_are_kept() -> None:
     assert np.array_equal(models.weights, new_map_models().weights)
 
 
-@settings(deadline=None, max_examples=60)
-@given(st.binary(max_size=200), st.integers(2, 3000), st.integers(1, 20), st.booleans())
-def test_random_bytes_end_in_a_level_or_an_error(payload: bytes, count: int, bits: int, mirrored: bool) -> None:
-    level, models = root_level(count), new_map_models()
+@settings(deadline=None, max_examples=90)
+@given(st.binary(max_size=200), st.integers(2, 3000), st.integers(1, 20), st.booleans(), st.booleans())
+def test_random_bytes_end_in_a_level_or_an_error(
+    payload: bytes, count: int, bits: int, mirrored: bool, deep: bool
+) -> None:
+    level, models = root_level(count), models_of(deep=deep)
     mirror = Mirror(0, (1 << bits) - 1, bits) if mirrored else None
     try:
         while not level.all_leaves:

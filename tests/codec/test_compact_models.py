@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import zlib
+from types import ModuleType
 
 import numpy as np
 import pytest
 
-from meshtide_codec.compact import diff_kernels, map_layout
+from meshtide_codec.compact import diff_high_context_kernels, diff_kernels, map_deep_layout, map_layout
 from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
 from meshtide_codec.compact.map_coder import encode_map
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.models import (
+    DeepModels,
     Models,
+    new_deep_diff_models,
+    new_deep_map_models,
     new_diff_models,
     new_map_models,
+    untrained_deep_diff_models,
+    untrained_deep_map_models,
     untrained_diff_models,
     untrained_map_models,
 )
 from meshtide_codec.compact.octree import Octree
 from meshtide_codec.compact.slices import Slices
+from meshtide_codec.entropy import deep_mixing_kernels
 from meshtide_codec.entropy.mixing_kernels import INPUTS, WEIGHT_LIMIT
 from octrees import lattice_soup, torus
 
@@ -59,6 +66,30 @@ def test_states_fit_the_coders(models: Models, contexts: int, neurons: int) -> N
     assert ((models.contexts >> 8) < 65536).all()
 
 
+@pytest.mark.parametrize(
+    ("models", "layout"),
+    [
+        (new_deep_map_models(), map_deep_layout),
+        (new_deep_diff_models(), diff_high_context_kernels),
+        (untrained_deep_map_models(), map_deep_layout),
+        (untrained_deep_diff_models(), diff_high_context_kernels),
+    ],
+)
+def test_deep_states_fit_the_coders(models: DeepModels, layout: ModuleType) -> None:
+    assert {array.dtype for array in models.mixer} == {np.dtype(np.int32)}
+    assert models.contexts.shape == (2 * layout.CONTEXTS,)
+    assert models.weights.shape == (layout.NEURONS * layout.INPUTS,)
+    assert models.final_weights.shape == (layout.FINALS * layout.CHOICES,)
+    assert models.corrections.shape == (layout.CORRECTIONS * deep_mixing_kernels.CORRECTION_STEPS,)
+    assert (np.abs(models.weights) <= deep_mixing_kernels.WEIGHT_LIMIT).all()
+    assert (np.abs(models.final_weights) <= deep_mixing_kernels.WEIGHT_LIMIT).all()
+    assert ((models.contexts & 255) <= deep_mixing_kernels.FAST_LIMIT).all()
+    assert ((models.contexts >> 8) >= 0).all()
+    assert ((models.contexts >> 8) < 65536).all()
+    assert ((models.corrections >> 6) >= 0).all()
+    assert ((models.corrections >> 6) < 65536).all()
+
+
 def test_states_are_handed_out_as_copies() -> None:
     new_map_models().contexts[:] = 0
     assert new_map_models().contexts.any()
@@ -66,6 +97,13 @@ def test_states_are_handed_out_as_copies() -> None:
     copy = models.copy()
     copy.weights[:] = 0
     assert models.weights.any()
+    deep = new_deep_diff_models()
+    deep_copy = deep.copy()
+    for array in deep_copy.mixer:
+        array[:] = 0
+    assert all(array.any() for array in deep.mixer)
+    deep.adopt(deep_copy)
+    assert not any(array.any() for array in deep.mixer)
 
 
 def test_training_helps_small_meshes() -> None:
@@ -73,6 +111,9 @@ def test_training_helps_small_meshes() -> None:
     trained = size(payloads(octree, new_map_models(), new_diff_models()))
     untrained = size(payloads(octree, untrained_map_models(), untrained_diff_models()))
     assert trained < 0.97 * untrained
+    deep = size(payloads(octree, new_deep_map_models(), new_deep_diff_models()))
+    assert deep < 0.97 * size(payloads(octree, untrained_deep_map_models(), untrained_deep_diff_models()))
+    assert deep < trained
 
 
 @pytest.mark.parametrize(
@@ -83,3 +124,11 @@ def test_golden_bytes(mirror: Mirror | None, total: int, checksum: int) -> None:
     packets = payloads(lattice_soup(11, 200, 400, 10), new_map_models(), new_diff_models(), mirror)
     assert size(packets) == total
     assert zlib.crc32(b"".join(packets)) == checksum
+
+
+@pytest.mark.parametrize(
+    ("mirror", "total", "checksum"), [(None, 622, 281117630), (Mirror(1, 1023, 10), 622, 2933607938)]
+)
+def test_golden_bytes_of_effort_high(mirror: Mirror | None, total: int, checksum: int) -> None:
+    packets = payloads(lattice_soup(11, 200, 400, 10), new_deep_map_models(), new_deep_diff_models(), mirror)
+    assert (size(packets), zlib.crc32(b"".join(packets))) == (total, checksum)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from meshtide_codec.compact.effort import DeepLayers, Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
 from meshtide_codec.compact.slices import Slices
@@ -50,6 +51,8 @@ def stream_header(compact: CompactHeader, **changes: object) -> StreamHeader:
         ({"previews": (64, 64)}, "coarsest preview comes first"),
         ({"previews": (1,)}, "ratios from 2 on"),
         ({"previews": tuple(range(20, 2, -1))}, "at most 8 previews"),
+        ({"effort": "low"}, "effort is default or high, not 'low'"),
+        ({"effort": "high", "slices": 513}, "effort high takes at most 512 slices"),
     ],
 )
 def test_options_out_of_range(wrong: dict[str, object], message: str) -> None:
@@ -60,6 +63,19 @@ def test_options_out_of_range(wrong: dict[str, object], message: str) -> None:
 @pytest.mark.parametrize("header", [PLAIN, FULL, replace(FULL, strengths=bytes(9)), replace(PLAIN, diff_depths=())])
 def test_header_round_trip(header: CompactHeader) -> None:
     assert CompactHeader.from_header(stream_header(header)) == header
+
+
+@pytest.mark.parametrize("deep", [*DeepLayers, DeepLayers.ALL, DeepLayers.NONE])
+def test_each_layer_can_be_deep(deep: DeepLayers) -> None:
+    header = replace(FULL, deep=deep)
+    assert CompactHeader.from_header(stream_header(header)).deep == deep
+
+
+def test_efforts_are_understood_by_name() -> None:
+    assert CompactOptions(effort="high").effort is Effort.HIGH  # type: ignore[arg-type]
+    assert CompactOptions().effort is Effort.DEFAULT
+    assert CompactOptions().effort.deep_layers is DeepLayers.NONE
+    assert Effort.HIGH.deep_layers == DeepLayers.ALL
 
 
 def test_a_plain_header_says_nothing_needless() -> None:
@@ -82,6 +98,10 @@ def test_a_plain_header_says_nothing_needless() -> None:
         {"s": [0, 1 << 36]},
         {"s": list(range(5000))},
         {"b": 4},
+        {"e": -1},
+        {"e": DeepLayers.ALL + 1},
+        {"e": b"1"},
+        {"e": 1, "s": list(range(513))},
         {"x": 0},
     ],
     ids=str,
