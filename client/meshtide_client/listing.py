@@ -33,6 +33,14 @@ STATIC_INDEX = "index.json"
 
 
 @dataclass(frozen=True, slots=True)
+class Box:
+    """An axis-parallel box, in the mesh's own units."""
+
+    minimum: tuple[float, ...]
+    maximum: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class HostedMesh:
     """One mesh of a server.
 
@@ -51,7 +59,7 @@ class HostedMesh:
         licence: the text of a published mesh's terms.
         created: when it was first published, as ISO 8601 has it.
         updated: when it was last changed.
-        box: that holds it: the smallest x, y, z and the largest, once known.
+        box: that holds it, once known.
         source: SHA-256 of the published file that it was made of, in hexadecimal.
     """
 
@@ -69,7 +77,7 @@ class HostedMesh:
     licence: str | None = None
     created: str | None = None
     updated: str | None = None
-    box: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    box: Box | None = None
     source: str | None = None
 
 
@@ -233,7 +241,7 @@ def hosted_mesh(row: Mapping[str, Any]) -> HostedMesh:
         licence=optional("licence", _LONGEST_LICENCE),
         created=optional("created"),
         updated=optional("updated"),
-        box=None if row.get("box") is None else (corner("minimum"), corner("maximum")),
+        box=None if row.get("box") is None else Box(corner("minimum"), corner("maximum")),
         source=optional("source"),
     )
 

@@ -7,6 +7,7 @@
 
 `http://host/meshes/ID` then works with `fetch`, by ranges where the web server knows them and by one plain download
 where it does not, and `http://host` with `meshes`. What is exported into the same folder later is added to the list.
+What a server tells of its meshes, such as tags and terms, goes with them.
 """
 
 from __future__ import annotations
@@ -15,18 +16,19 @@ import json
 import re
 import unicodedata
 from contextlib import aclosing, closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshtide_client.address import ServerAddress
 from meshtide_client.arrival import Arrival
-from meshtide_client.listing import STATIC_INDEX, HostedMesh, list_meshes
+from meshtide_client.listing import STATIC_INDEX, HostedMesh, hosted_mesh, list_meshes
 from meshtide_client.partial_file import PartialFile
 from meshtide_client.tide_address import SUFFIX, parse_address
 from meshtide_client.transport import Link
 from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.files import is_mesh_path, write_atomically
+from meshtide_codec.stream import plain_values
 from meshtide_codec.stream.container import ContainerReader
 from meshtide_codec.stream.session import Until
 
@@ -78,37 +80,50 @@ async def export_static(
     found = [item for source in sources for item in _items(source, link, notify)]
     if not found:
         raise OptionError("there is nothing to export: no source holds a .tide file or a mesh")
+    told = _earlier(collection)
     taken: set[str] = set()
-    for name, item in found:
+    for name, item, mesh in found:
         identifier = _unique(_slug(name), taken)
         taken.add(identifier)
+        told.pop(identifier, None)
+        if mesh is not None:
+            told[identifier] = mesh
         target = collection / f"{identifier}{SUFFIX}"
         if is_mesh_path(item):
             write_atomically(target, _encoded(Path(item), options))
         else:
             await _copy(item, target, link, limits, notify)
         notify(f"{item}: {target}, {target.stat().st_size} bytes")
-    meshes = [_row(path, limits) for path in collection.glob(f"*{SUFFIX}") if not path.name.startswith(".")]
+    paths = [path for path in collection.glob(f"*{SUFFIX}") if not path.name.startswith(".")]
+    meshes = [_row(path, limits, told.get(path.stem)) for path in paths]
     meshes.sort(key=lambda mesh: mesh.id)
     text = json.dumps([asdict(mesh) for mesh in meshes], indent=1)
     write_atomically(collection / STATIC_INDEX, text.encode())
     return meshes
 
 
-def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[tuple[str, str]]:
-    """Name and place of every mesh that `source` stands for."""
+def _earlier(collection: Path) -> dict[str, HostedMesh]:
+    """What the list tells that is there already, by ids; nothing if there is none that can be read."""
+    try:
+        return {mesh.id: mesh for mesh in map(hosted_mesh, json.loads((collection / STATIC_INDEX).read_bytes()))}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, plain_values.BadValueError):
+        return {}  # it is written anew from the files
+
+
+def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[tuple[str, str, HostedMesh | None]]:
+    """Name and place of every mesh that `source` stands for, and what is told of it there."""
     path = Path(source)
     if path.is_dir():
         files = sorted(file for file in path.iterdir() if file.is_file() and _is_exportable(file))
-        return [(file.stem, str(file)) for file in files]
+        return [(file.stem, str(file), None) for file in files]
     if is_mesh_path(source) and "://" not in source:
-        return [(path.stem, source)]
+        return [(path.stem, source, None)]
     if source.startswith("s3://") and not source.endswith(SUFFIX):
         from meshtide_client.s3_source import list_files  # noqa: PLC0415 - an extra
 
-        return [(parse_address(url).mesh, url) for url in list_files(source, link.timeout)]
+        return [(parse_address(url).mesh, url, None) for url in list_files(source, link.timeout)]
     try:
-        return [(parse_address(source).mesh, source)]
+        return [(parse_address(source).mesh, source, None)]
     except OptionError as error:
         try:
             server = ServerAddress.parse(source)
@@ -118,7 +133,7 @@ def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[t
     for mesh in hosted:
         if mesh.status != "ready":
             notify(f"{mesh.id} is left out: it is {mesh.status}")
-    return [(mesh.id, server.mesh(mesh.id).page_url) for mesh in hosted if mesh.status == "ready"]
+    return [(mesh.id, server.mesh(mesh.id).page_url, mesh) for mesh in hosted if mesh.status == "ready"]
 
 
 def _is_exportable(file: Path) -> bool:
@@ -143,8 +158,8 @@ async def _copy(url: str, target: Path, link: Link, limits: Limits | None, notif
     partial.replace(target)
 
 
-def _row(path: Path, limits: Limits | None) -> HostedMesh:
-    """The line of the list for a file."""
+def _row(path: Path, limits: Limits | None, told: HostedMesh | None) -> HostedMesh:
+    """The line of the list for a file, with what is told of it beside what it holds."""
     reader = ContainerReader(limits)
     with path.open("rb") as file:
         while reader.header is None and (piece := file.read(_PIECE)):
@@ -152,7 +167,7 @@ def _row(path: Path, limits: Limits | None) -> HostedMesh:
     header = reader.header
     if header is None:
         raise MeshFileError(f"{path} is no whole .tide file; delete it and export again")
-    return HostedMesh(
+    own = HostedMesh(
         id=path.stem,
         name=path.name,
         status="ready",
@@ -163,6 +178,18 @@ def _row(path: Path, limits: Limits | None) -> HostedMesh:
         faces=header.faces,
         levels=len(header.levels),
         bytes=path.stat().st_size,
+    )
+    if told is None:
+        return own
+    return replace(
+        own,
+        name=told.name,
+        tags=told.tags,
+        licence=told.licence,
+        created=told.created,
+        updated=told.updated,
+        box=told.box,
+        source=told.source,
     )
 
 

@@ -9,7 +9,7 @@ from urllib.parse import parse_qs
 
 import pytest
 
-from meshtide_client.listing import HostedMesh, list_meshes
+from meshtide_client.listing import Box, HostedMesh, list_meshes
 from meshtide_client.mesh_search import MeshSearch
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
 
@@ -148,7 +148,7 @@ def test_what_is_known_of_a_published_mesh() -> None:
         (mesh,) = list_meshes(url)
     assert (mesh.tags, mesh.licence, mesh.created) == (("clay", "scan"), "CC BY 4.0", "2026-11-02T09:30:00Z")
     assert mesh.updated == "2026-11-03T09:30:00Z"
-    assert mesh.box == ((0.0, 0.0, 0.0), (1.0, 2.0, 3.5))
+    assert mesh.box == Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.5))
 
 
 def test_a_static_copy_cannot_be_searched() -> None:

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import json
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 
 import pytest
 
 from meshes import grid
+from meshtide_client.listing import list_meshes
 from meshtide_client.static_export import export_static
 from meshtide_client.transport import Link
 from meshtide_codec.classic.options import ClassicOptions
@@ -53,6 +55,35 @@ async def test_a_later_export_adds_to_the_list(scans: Path, tmp_path: Path) -> N
     with web_server(WebServer(WHOLE, ranges=False)) as server:
         await export_static([f"{server.url}/cup.tide", f"{server.url}/other/cup.tide"], site, link=QUICK)
     assert [identifier for identifier, _ in listed(site)] == ["cup", "cup-2", "old-vase"]
+
+
+async def test_what_a_server_tells_of_its_meshes_goes_with_them(scans: Path, tmp_path: Path) -> None:
+    row = {
+        "id": "cup", "name": "Cup.obj", "status": "ready", "stage": None, "progress": 1.0, "reason": None,
+        "vertices": 1, "faces": 1, "levels": 1, "bytes": 1, "tags": ["clay"], "licence": "CC BY 4.0",
+        "created": "2026-11-02T09:30:00Z", "updated": "2026-11-02T09:30:00Z", "source": "0a" * 32,
+        "box": {"minimum": [0, 0, 0], "maximum": [1, 2, 3]},
+    }  # fmt: skip
+    index = json.dumps([row]).encode()
+
+    class Catalogue(WebServer):
+        def answer(self, request: BaseHTTPRequestHandler) -> None:
+            self.content = index if request.path.startswith("/meshes?") else WHOLE
+            super().answer(request)
+
+    site = tmp_path / "site"
+    with web_server(Catalogue(WHOLE, ranges=False)) as server:
+        (cup,) = await export_static([server.url], site, link=QUICK)
+    assert (cup.name, cup.tags, cup.licence, cup.source) == ("Cup.obj", ("clay",), "CC BY 4.0", "0a" * 32)
+    assert cup.bytes == len(WHOLE)
+    again = await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
+    assert [mesh.licence for mesh in again] == ["CC BY 4.0", None]  # what was exported earlier stays as it was told
+    with web_server(WebServer((site / "meshes" / "index.json").read_bytes())) as copy:
+        assert list_meshes(copy.url) == tuple(again)
+    (scans / "cup.tide").write_bytes(WHOLE)
+    assert (await export_static([str(scans / "cup.tide")], site, link=QUICK))[0].licence is None
+    (site / "meshes" / "index.json").write_text("no list")
+    assert len(await export_static([str(scans / "cup.tide")], site, link=QUICK)) == 2
 
 
 async def test_nothing_damaged_is_exported(scans: Path, tmp_path: Path) -> None:
