@@ -40,6 +40,7 @@ def test_tables_are_the_same() -> None:
     "file",
     [
         "compact/geometry_states.npz",
+        "compact/deep_states.npz",
         "connectivity/tables/with_positions.npz",
         "connectivity/tables/without_positions.npz",
     ],
