@@ -95,11 +95,9 @@ class JobAttempt:
         except asyncio.CancelledError:
             if not self._lost:
                 raise
-            logger.warning("job %s was released or replaced, and its work here ended", self._job.id)
-            return JobOutcome.RELEASED
+            return self._released()
         except UnknownMeshError:
-            logger.info("job %s is not wanted any more", self._job.id)
-            return JobOutcome.RELEASED
+            return self._released()
         except EncodingFailedError as error:
             return await self._failed(str(error), retry=error.by_process)
         except (StoreError, DatabaseUnavailableError, OSError) as error:
@@ -117,13 +115,20 @@ class JobAttempt:
     async def _failed(self, reason: str, *, retry: bool) -> JobOutcome:
         reason = reason.replace(self._folder, "") if self._folder else reason
         after = await self._kept.catalogue.jobs.fail(self._job.id, self._owner, reason, retry=retry)
-        logger.warning("job %s of mesh %s failed: %s", self._job.id, self._job.mesh_id, reason)
         if after is None:
-            return JobOutcome.RELEASED
+            return self._released()
+        logger.warning("job %s of mesh %s failed: %s", self._job.id, self._job.mesh_id, reason)
         return JobOutcome.FAILED if after.state == JobState.FAILED else JobOutcome.RETRIED
+
+    def _released(self) -> JobOutcome:
+        logger.info("job %s is not wanted here any more: released, replaced, or its mesh deleted", self._job.id)
+        return JobOutcome.RELEASED
 
     async def _at_fault(self, error: Exception) -> JobOutcome:
         """Something of the server's own did not work; if it is the store, the job waits until it does."""
+        job = await self._as_it_is()
+        if job is None or job.owner != self._owner:  # whose upload may be gone by now
+            return self._released()
         faults: dict[type[Exception], str] = {StoreError: "store", DatabaseUnavailableError: "catalogue"}
         part = next((part for kind, part in faults.items() if isinstance(error, kind)), "jobs")
         metrics.fault(part)
@@ -146,16 +151,17 @@ class JobAttempt:
         while True:
             with suppress(DatabaseUnavailableError):  # one that is away for a moment misses a beat
                 if not await jobs.heartbeat(self._job.id, self._owner, *self._stage):
-                    self._lost = await self._state() != JobState.DONE  # which it is when it has just been published
+                    job = await self._as_it_is()
+                    self._lost = job is None or job.state != JobState.DONE  # which it is if it was just published
                     if self._lost:
                         work.cancel()
                     return
             await asyncio.sleep(self._settings.job_lost_seconds / HEARTBEATS)
 
-    async def _state(self) -> JobState | None:
-        """The state of the job, None if it is gone."""
+    async def _as_it_is(self) -> Job | None:
+        """The job as the catalogue knows it now, None if it is gone."""
         try:
-            return (await self._kept.catalogue.jobs.get(self._job.id)).state
+            return await self._kept.catalogue.jobs.get(self._job.id)
         except UnknownJobError:
             return None
 

@@ -1,5 +1,6 @@
 import asyncio
 import sys
+from contextlib import suppress
 from datetime import timedelta
 
 import pytest
@@ -14,6 +15,7 @@ from meshtide_server.catalogue import (
     UnknownJobError,
     UnknownMeshError,
 )
+from meshtide_server.catalogue.rows import UNFINISHED
 
 NO_TIME = timedelta(0)
 
@@ -199,3 +201,44 @@ async def test_a_job_that_is_handed_back_has_lost_no_attempt(catalogue: Catalogu
         again = await catalogue.jobs.get(job.id)
         assert (again.state, again.owner, again.attempts) == (JobState.QUEUED, None, 0)
     assert not await catalogue.jobs.hand_back(job.id, "me")
+
+
+async def test_replacing_deleting_failing_and_losing_jobs_at_once_gets_in_nobodys_way(catalogue: Catalogue) -> None:
+    stop = asyncio.Event()
+
+    async def replace(number: int) -> None:
+        for _ in range(25):
+            await catalogue.add_with_job(MeshRecord("a", "a"), f"sources/{number}.obj", {}, replace=True)
+
+    async def delete() -> None:
+        while not stop.is_set():
+            with suppress(UnknownMeshError):
+                await catalogue.delete("a")
+            await asyncio.sleep(0.005)
+
+    async def work(owner: str) -> None:
+        while not stop.is_set():
+            job = await catalogue.jobs.claim(owner)
+            if job is not None:
+                await catalogue.jobs.fail(job.id, owner, "a crash", retry=False)
+            await catalogue.jobs.release_lost(NO_TIME)
+            await asyncio.sleep(0)
+
+    others = asyncio.gather(delete(), work("me"), work("you"))
+    await asyncio.gather(*(replace(number) for number in range(3)))
+    stop.set()
+    await others
+    live = [job for job in await catalogue.jobs.list(mesh_id="a", limit=1000) if job.state in UNFINISHED]
+    assert len(live) <= 1
+
+
+async def test_of_uploads_under_one_id_at_once_one_job_is_left(catalogue: Catalogue) -> None:
+    for _ in range(5):
+        await asyncio.gather(
+            *(
+                catalogue.add_with_job(MeshRecord("a", "a"), f"sources/{number}.obj", {}, replace=True)
+                for number in range(6)
+            )
+        )
+        jobs = await catalogue.jobs.list(mesh_id="a", state=JobState.QUEUED)
+        assert len(jobs) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import threading
 import time
 from datetime import timedelta
 from pathlib import Path
@@ -182,6 +183,35 @@ def test_a_server_that_is_not_heard_of_loses_its_job_and_stops_working_on_it(
         done = finished(server.url, job["id"])
         assert (done["state"], done["attempts"], done["error"]) == ("done", 2, None)
         assert httpx.get(f"{server.url}/meshes/sleep.tide").status_code == 200
+
+
+def test_a_job_that_is_replaced_while_its_upload_is_read_is_no_fault(
+    start: Start, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with start(job_processes=1) as server:
+        store = server.app.state.library.kept.store
+        head = store.head
+        reading, go = threading.Event(), threading.Event()
+
+        async def slow(key: str) -> Any:
+            if key.startswith("sources/") and server.app.state.jobs._attempts and not go.is_set():
+                reading.set()
+                await asyncio.to_thread(go.wait, 20)
+            return await head(key)
+
+        monkeypatch.setattr(store, "head", slow)
+        first = httpx.put(
+            f"{server.url}/meshes/mine", params={"filename": "a.tide"}, content=make_stream(1), headers=WRITER
+        ).json()
+        assert reading.wait(20)
+        monkeypatch.setattr(store, "head", head)
+        second = httpx.put(
+            f"{server.url}/meshes/mine", params={"filename": "a.tide"}, content=make_stream(2), headers=WRITER
+        ).json()
+        go.set()
+        assert finished(server.url, second["id"])["state"] == "done"
+        assert job_now(server, first)["error"] == "a later upload under the same id replaced it"
+    assert not [record for record in caplog.records if record.levelname in {"WARNING", "ERROR"}]
 
 
 @pytest.mark.usefixtures("faulty")

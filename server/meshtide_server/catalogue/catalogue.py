@@ -10,7 +10,7 @@ from sqlalchemy import delete, select, text
 
 from meshtide_server.catalogue.database import Database
 from meshtide_server.catalogue.errors import UnknownMeshError
-from meshtide_server.catalogue.jobs import Jobs, end_earlier_jobs, enqueue_job, finish_job
+from meshtide_server.catalogue.jobs import Jobs, end_earlier_jobs, enqueue_job, finish_job, lock_jobs
 from meshtide_server.catalogue.meshes import Meshes, add_mesh, get_mesh, put_mesh
 from meshtide_server.catalogue.migrations import migrate
 from meshtide_server.catalogue.rows import MeshState
@@ -102,9 +102,11 @@ class Catalogue:
         Raises:
             MeshExistsError: there is a mesh of that id, and `replace` is not set.
         """
-        async with self._database.writing() as connection:
+        # Of uploads under one id at once, the later one has to see the job of the earlier one.
+        async with self._database.locked() if replace else self._database.writing() as connection:
+            if replace:
+                await end_earlier_jobs(connection, mesh.id)
             record = await (put_mesh if replace else add_mesh)(connection, mesh)
-            await end_earlier_jobs(connection, record.id)
             if note is not None:
                 await forget_pending(connection, note)
             return record, await enqueue_job(connection, record.id, source_key, options)
@@ -185,6 +187,7 @@ class Catalogue:
         """
         async with self._database.locked() as connection:
             record = await get_mesh(connection, mesh_id)
+            await lock_jobs(connection, mesh_id)
             await connection.execute(delete(mesh_table).where(mesh_table.c.id == mesh_id))
             if record.stream is not None:
                 await note_if_unused(connection, record.stream)

@@ -4,7 +4,8 @@ A worker claims a job, sends heartbeats with its progress, and finishes or fails
 any more is released. A job that failed or was lost is tried once more, then it has failed, and its mesh with it.
 
 Claims lock the row that they take and skip those that others hold (PostgreSQL: FOR UPDATE SKIP LOCKED); on SQLite, a
-transaction that writes has the database to itself.
+transaction that writes has the database to itself. What changes both a job and its mesh locks the job first, so that no
+two transactions wait for each other.
 """
 
 from __future__ import annotations
@@ -231,6 +232,11 @@ async def enqueue_job(
     }
     await connection.execute(insert(job_table).values(**row))
     return await _get(connection, job_id)
+
+
+async def lock_jobs(connection: AsyncConnection, mesh_id: str) -> None:
+    """Lock the jobs of a mesh before the mesh itself is changed."""
+    await connection.execute(select(job_table.c.id).where(job_table.c.mesh_id == mesh_id).with_for_update())
 
 
 async def end_earlier_jobs(connection: AsyncConnection, mesh_id: str) -> None:

@@ -39,6 +39,12 @@ WAITING = 40
 """Uploads that may wait to be encoded before the next ones are sent."""
 _WRITER = {"Authorization": f"Bearer {WRITE_TOKEN}"}
 _VIEWS = ("", ".tide", "/header", "/nothing")
+_CHANGES: dict[str, tuple[Any, ...]] = {
+    "name": ("a name", "", "\x00", "\ud800", "x" * 1000, None, 5),
+    "tags": (["a", "b"], [], ["\x00"], ["x" * 1000], ["a"] * 100, None, {}, "a"),
+    "licence": ("CC0", "", "\x00", "x" * 30_000, None),
+    "other": (1,),
+}
 _FAULTS = ("a fault of the server", "internal error", "the encoder failed", "ended early")
 """What the reason of no failure may be: these are the server's mistakes, not the upload's."""
 _SETTINGS = {
@@ -159,16 +165,10 @@ class Fuzzer:
             self._note(answer.status_code, answer.content, f"{answer.request.method} {path!r} {headers}")
 
     def _upload(self, _: str) -> None:
-        """An upload, or a look at what has become of an earlier one."""
+        """An upload, or something done with an earlier one."""
         pick = self._random
         if pick.random() < 0.4:
-            method = "DELETE" if pick.random() < 0.2 else "GET"
-            path = f"/meshes/{pick.choice(IDS)}{pick.choice(_VIEWS) if method == 'GET' else ''}"
-            if method == "GET" and self.jobs and pick.random() < 0.2:
-                path = f"/jobs/{pick.choice(list(self.jobs))}"
-            with self._told(f"{method} {path}"):
-                answer = self._session.request(method, self._server.url + path, headers=_WRITER, timeout=30.0)
-                self._note(answer.status_code, answer.content, f"{method} {path}")
+            self._use()
             return
         upload = self._uploads.next()
         what = f"{upload.method} {upload.path} {upload.query} with {len(upload.body)} bytes"
@@ -192,6 +192,20 @@ class Fuzzer:
                     self._server.wait_for_jobs()  # encoding takes longer than sending
             elif upload.intact:
                 self._server.problems.append(f"HTTP status {answer.status_code} to {what}: {answer.content[:200]!r}")
+
+    def _use(self) -> None:
+        """Look at an upload, or change or delete it."""
+        pick = self._random
+        method = pick.choice(("GET", "GET", "GET", "GET", "PATCH", "DELETE"))
+        path = f"/meshes/{pick.choice(IDS)}{pick.choice(_VIEWS) if method == 'GET' else ''}"
+        if method == "GET" and self.jobs and pick.random() < 0.2:
+            path = f"/jobs/{pick.choice(list(self.jobs))}"
+        change = {name: pick.choice(values) for name, values in _CHANGES.items() if pick.random() < 0.5}
+        body = json.dumps(change) if method == "PATCH" else None
+        what = f"{method} {path} {body}"
+        with self._told(what):
+            answer = self._session.request(method, self._server.url + path, headers=_WRITER, data=body, timeout=30.0)
+            self._note(answer.status_code, answer.content, what)
 
     def _hang_up(self, upload: Upload) -> None:
         """An upload whose client is gone before its end, or stands still until it is refused."""
