@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from meshtide_client.address import MeshAddress, ServerAddress
+    from meshtide_client.curation.requests import change_mesh, delete_mesh, list_tags
     from meshtide_client.fetching import FetchResult, fetch
     from meshtide_client.listing import HostedMesh, list_meshes
     from meshtide_client.mesh_search import MeshSearch
@@ -36,8 +37,11 @@ __all__ = [
     "ReceivedLevel",
     "ServerAddress",
     "Until",
+    "change_mesh",
+    "delete_mesh",
     "fetch",
     "list_meshes",
+    "list_tags",
     "stream",
 ]
 
@@ -51,8 +55,11 @@ _HOMES = {
     "ReceivedLevel": "meshtide_client.streaming",
     "ServerAddress": "meshtide_client.address",
     "Until": "meshtide_codec.stream.session",
+    "change_mesh": "meshtide_client.curation.requests",
+    "delete_mesh": "meshtide_client.curation.requests",
     "fetch": "meshtide_client.fetching",
     "list_meshes": "meshtide_client.listing",
+    "list_tags": "meshtide_client.curation.requests",
     "stream": "meshtide_client.streaming",
 }
 

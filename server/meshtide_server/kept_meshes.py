@@ -44,6 +44,8 @@ KNOWN_PACKETS = 1 << 16
 """Packets of the streams that are, at most; each takes about half a kilobyte."""
 
 
+LISTS_AT_A_TIME = 4
+"""A search may look at every mesh; whoever wants one mesh, or readiness, must not wait behind a crowd of them."""
 ATTEMPTS = 3
 """How often a mesh is looked up that is replaced, or may have been, while it is."""
 
@@ -71,6 +73,7 @@ class KeptMeshes:
         self._streams: OrderedDict[str, HostedStream] = OrderedDict()
         self._packets = PacketIndex()
         self._packet_count = 0
+        self._lists = asyncio.Semaphore(LISTS_AT_A_TIME)
         self._refreshing = asyncio.Lock()
         self._round = 0
         """Of refreshes; what was read before the last one began is not kept."""
@@ -124,7 +127,8 @@ class KeptMeshes:
         query = search.query()
         found: list[HostedMesh] = []
         while True:
-            page = await self.catalogue.meshes.list(replace(query, limit=limit - len(found)))
+            async with self._lists:
+                page = await self.catalogue.meshes.list(replace(query, limit=limit - len(found)))
             found += [shown(record) for record in page.meshes if record.id not in without]
             if page.next is None or len(found) == limit:
                 await self._tell_progress(found)

@@ -6,7 +6,14 @@ import pytest
 
 from meshtide_server import kept_meshes
 from meshtide_server.block_cache import BlockCache
-from meshtide_server.catalogue import Catalogue, DatabaseUnavailableError, MeshRecord, MeshState
+from meshtide_server.catalogue import (
+    Catalogue,
+    DatabaseUnavailableError,
+    MeshPage,
+    MeshQuery,
+    MeshRecord,
+    MeshState,
+)
 from meshtide_server.hosted_mesh import Status
 from meshtide_server.kept_meshes import KeptMeshes
 from meshtide_server.publishing import Publication, publish
@@ -237,6 +244,33 @@ async def test_pages_leave_out_what_the_folder_has(store: Store, catalogue: Cata
     assert ([mesh.id for mesh in page], more) == (["m5", "m6"], False)
     page, more = await kept.page(Search(), {f"m{number}" for number in range(7)}, 2)
     assert (page, more) == ([], False)
+
+
+async def test_a_crowd_that_searches_keeps_nobody_from_a_mesh(
+    store: Store, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await publish(store, catalogue, make_stream(), Publication("a", "a"))
+    kept = kept_of(store, catalogue)
+    searching = most = 0
+    go = asyncio.Event()
+    ask = catalogue.meshes.list
+
+    async def slow(query: MeshQuery) -> MeshPage:
+        nonlocal searching, most
+        searching += 1
+        most = max(most, searching)
+        await go.wait()
+        searching -= 1
+        return await ask(query)
+
+    monkeypatch.setattr(catalogue.meshes, "list", slow)
+    crowd = [asyncio.create_task(listed(kept)) for _ in range(30)]
+    async with asyncio.timeout(10):
+        assert await whole(kept, "a") == make_stream()
+        await kept.refresh()
+        go.set()
+        assert await asyncio.gather(*crowd) == [["a"]] * 30
+    assert most == kept_meshes.LISTS_AT_A_TIME
 
 
 async def test_a_damaged_object_is_told(catalogue: Catalogue) -> None:
