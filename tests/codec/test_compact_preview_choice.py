@@ -13,6 +13,7 @@ from meshtide_codec.compact.preview_choice import (
     FINEST_RATIO,
     LARGE,
     LARGE_RATIO,
+    LAST_RATIO,
     TOO_SMALL_TO_WAIT,
     choose_previews,
 )
@@ -55,7 +56,7 @@ def test_the_last_distance_is_reached_if_few_vertices_are_enough() -> None:
     previews = chosen(pyramid)
     meter = DistortionMeter(pyramid.positions.astype(float), pyramid.faces)
     assert meter.measure(previews[-1].vertices(12), previews[-1].faces).rms <= DISTANCES[-1]
-    assert previews[-1].ratio >= LARGE_RATIO
+    assert previews[-1].ratio >= LAST_RATIO
     assert all(preview.ratio >= FINEST_RATIO for preview in chosen(quantize(bumpy_sphere(), 12)))
 
 

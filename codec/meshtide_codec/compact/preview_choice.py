@@ -46,12 +46,14 @@ RATIOS = tuple(round(FINEST_RATIO * STEP**step) for step in range(STEPS, -1, -1)
 
 LARGE = 20_000
 LARGE_RATIO = 40
-"""Meshes of more than `LARGE` vertices have no preview finer than this: together at most 6 % of the stream. Nor is
-there a finer one for the last distance, which the octree reaches soon enough on small meshes."""
+"""Meshes of more than `LARGE` vertices have no preview finer than this: together at most 6 % of the stream."""
+LAST_RATIO = 28
+"""Nor has any mesh a preview finer than this for the last distance, which only shapes of flat faces reach so early."""
 
 MARGIN = 0.98  # of a distance: what is measured with other samples differs by so much
 SHARE_OF_FIT = 0.85  # of a distance: what the fit takes of it where the grid is as coarse as it should be
-ROUNDING = 0.12  # root mean square distance that rounding adds, in steps of the preview's grid
+ROUNDING = 0.12  # root mean square distance that rounding adds, in steps of the preview's grid,
+COARSE_ROUNDING = 0.15  # and on grids of `FEW_BITS`, where vertices meet and shapes get lost
 LEAST_SHARE = 0.4  # of a distance that is left to the fit, however coarse the grid is
 HOPELESS = 1.3  # distances by which a guess of the finest preview misses one that it is not tried for
 FIRST_GUESS = 60  # vertices of the first mesh that is fitted
@@ -94,7 +96,9 @@ def choose_previews(positions: Integers, faces: Integers, bits: int) -> list[Pre
     reached = math.inf
     for wanted in DISTANCES:
         distance = MARGIN * wanted * diagonal
-        finest_ratio = LARGE_RATIO if wanted == DISTANCES[-1] or len(positions) > LARGE else FINEST_RATIO
+        finest_ratio = LARGE_RATIO if len(positions) > LARGE else FINEST_RATIO
+        if wanted == DISTANCES[-1]:
+            finest_ratio = max(finest_ratio, LAST_RATIO)
         found = None if reached <= distance else candidates.smallest_within(distance, place, finest_ratio)
         if found is not None:
             place, preview, reached = found
@@ -180,7 +184,7 @@ class _Candidates:
 
         The distance of a fit falls as its vertices rise; what rounding adds to its square does not.
         """
-        rounding = ROUNDING * grid_steps(self._bits) / grid_steps(bits)
+        rounding = (ROUNDING if bits > FEW_BITS else COARSE_ROUNDING) * grid_steps(self._bits) / grid_steps(bits)
         wanted = math.sqrt(max(distance**2 - rounding**2, (LEAST_SHARE * distance) ** 2))
         known = sorted(
             (abs(math.log(wanted / fit.distance)), math.log(fit.distance), math.log(self._meshes[place][0]))
