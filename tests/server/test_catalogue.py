@@ -170,6 +170,17 @@ async def test_what_is_told_of_a_mesh_can_be_changed(catalogue: Catalogue, objec
         await catalogue.change("c", name="c")
 
 
+async def test_a_change_and_an_upload_at_once_leave_the_upload(catalogue: Catalogue, objects: Objects) -> None:
+    for turn in range(20):
+        mesh_id = f"mesh-{turn}"
+        await shown(catalogue, objects, mesh_id, stream_record())
+        upload = catalogue.add_with_job(MeshRecord(mesh_id, "new.obj", ("new",)), "sources/a.obj", {}, replace=True)
+        await asyncio.gather(catalogue.change(mesh_id, licence="CC0"), upload)
+        mesh = await catalogue.meshes.get(mesh_id)
+        assert (mesh.name, mesh.tags, mesh.licence, mesh.state) == ("new.obj", ("new",), "", MeshState.ENCODING)
+        assert mesh.stream is None
+
+
 async def test_tags_are_counted(catalogue: Catalogue) -> None:
     for mesh_id, tags in (("a", ("clay", "scan")), ("b", ("scan",)), ("c", ("bone", "scan")), ("d", ())):
         await catalogue.meshes.add(MeshRecord(mesh_id, mesh_id, tags))

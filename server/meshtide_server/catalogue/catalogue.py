@@ -165,7 +165,9 @@ class Catalogue:
         Raises:
             UnknownMeshError: there is none.
         """
-        async with self._database.locked() as connection:
+        async with self._database.writing() as connection:
+            row = select(mesh_table.c.id).where(mesh_table.c.id == mesh_id).with_for_update()
+            await connection.execute(row)  # an upload that replaces the mesh waits, or was before this
             record = await get_mesh(connection, mesh_id)
             if record.state == MeshState.ENCODING:
                 return record
