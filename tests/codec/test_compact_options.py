@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from meshtide_codec.compact.display_filter import STRENGTHS, UNFILTERED, Strength
 from meshtide_codec.compact.effort import DeepLayers, Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
@@ -13,9 +14,10 @@ from meshtide_codec.stream.header import LevelEntry, PacketEntry, StreamHeader
 from meshtide_codec.stream.packets import PacketKind
 
 BITS = 12
-STRENGTHS = bytes(12 * (step % 16) for step in range(3, 12))
-PLAIN = CompactHeader(4, STRENGTHS, (6, 9, 12), None, Slices(12), 0)
-FULL = CompactHeader(4, STRENGTHS, (4, 12), Mirror(1, 77, 12), Slices(12, (0, 5, 900)), 2)
+CHOSEN = STRENGTHS[3:12]
+UNFILTERED_LEVELS = (UNFILTERED,) * 9
+PLAIN = CompactHeader(4, CHOSEN, (6, 9, 12), None, Slices(12), 0)
+FULL = CompactHeader(4, CHOSEN, (4, 12), Mirror(1, 77, 12), Slices(12, (0, 5, 900)), 2)
 
 
 def stream_header(compact: CompactHeader, **changes: object) -> StreamHeader:
@@ -60,7 +62,9 @@ def test_options_out_of_range(wrong: dict[str, object], message: str) -> None:
         CompactOptions(**wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("header", [PLAIN, FULL, replace(FULL, strengths=bytes(9)), replace(PLAIN, diff_depths=())])
+@pytest.mark.parametrize(
+    "header", [PLAIN, FULL, replace(FULL, strengths=UNFILTERED_LEVELS), replace(PLAIN, diff_depths=())]
+)
 def test_header_round_trip(header: CompactHeader) -> None:
     assert CompactHeader.from_header(stream_header(header)) == header
 
@@ -80,8 +84,9 @@ def test_efforts_are_understood_by_name() -> None:
 
 def test_a_plain_header_says_nothing_needless() -> None:
     assert set(PLAIN.to_options()) == {"f"}
-    assert replace(PLAIN, strengths=bytes(9)).to_options() == {}
-    assert replace(PLAIN, strengths=bytes([24, 12, 36]) + bytes(6)).to_options() == {"f": b"\x21\x30"}
+    assert replace(PLAIN, strengths=UNFILTERED_LEVELS).to_options() == {}
+    few = (STRENGTHS[2], STRENGTHS[1], STRENGTHS[15], *UNFILTERED_LEVELS[3:])
+    assert replace(PLAIN, strengths=few).to_options() == {"f": b"\x21\xf0"}
 
 
 @pytest.mark.parametrize(
@@ -133,7 +138,7 @@ OLD = {"b": 4, "f": bytes(range(9)), "d": bytes([4, 12]), "m": [1, 77], "s": [0,
 
 def test_before_version_3_options_tell_it_all() -> None:
     found = CompactHeader.from_header(stream_header(FULL, options=OLD, version=2))
-    assert found == replace(FULL, strengths=bytes(range(9)), preview_bits=(7, 9))
+    assert found == replace(FULL, strengths=tuple(Strength(f, 0) for f in range(9)), preview_bits=(7, 9))
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The display filter's inner loop: one step of Laplacian smoothing, kept within the cells that are known."""
+"""The display filter's inner loops: a step along the Laplacian within known cells, and how far off a level is then."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 
 @kernel
-def smooth_within_cells(
+def move_within_cells(
+    positions: NDArray[np.float64],
     middles: NDArray[np.int64],
     half_sides: NDArray[np.int64],
     starts: NDArray[np.int32],
@@ -24,18 +25,40 @@ def smooth_within_cells(
 
     All in half finest steps; K x is x minus the mean of the ring's members.
     """
-    smoothed = np.empty(middles.shape, np.float64)
-    for vertex in range(len(middles)):
+    moved = np.empty(positions.shape, np.float64)
+    for vertex in range(len(positions)):
         first, last = int(starts[vertex]), int(starts[vertex + 1])
         half_side = half_sides[vertex]
         for axis in range(3):
-            middle = middles[vertex, axis]
-            position = float(middle)
+            position = positions[vertex, axis]
             if last > first and half_side > 1:
-                total = 0
+                total = 0.0
                 for slot in range(first, last):
-                    total += middles[members[slot], axis]
+                    total += positions[members[slot], axis]
                 position -= strength * (position - total / (last - first))
+                middle = middles[vertex, axis]
                 position = min(max(position, float(middle - half_side)), float(middle + half_side))
-            smoothed[vertex, axis] = position
-    return smoothed
+            moved[vertex, axis] = position
+    return moved
+
+
+@kernel
+def squared_distance(
+    positions: NDArray[np.float64],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    areas: NDArray[np.float64],
+) -> float:
+    """Sum over faces of area times the square of how far its middle is from the planes through points, on average."""
+    apart = np.empty(len(positions), np.float64)
+    for vertex in range(len(positions)):
+        total = 0.0
+        for axis in range(3):
+            total += (positions[vertex, axis] - points[vertex, axis]) * normals[vertex, axis]
+        apart[vertex] = total
+    cost = 0.0
+    for face in range(len(faces)):
+        mean = (apart[faces[face, 0]] + apart[faces[face, 1]] + apart[faces[face, 2]]) / 3.0
+        cost += areas[face] * mean * mean
+    return cost

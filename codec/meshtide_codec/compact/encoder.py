@@ -82,7 +82,7 @@ class CompactEncoding:
         diffs = encode_packets(self._octree, coders, base_depth, self._last_needed_depth(slices))
         self.header = CompactHeader(
             base_depth=base_depth,
-            strengths=bytes(choose_strength(self._octree, depth) for depth in range(base_depth, self._bits + 1)),
+            strengths=tuple(choose_strength(self._octree, depth) for depth in range(base_depth, self._bits + 1)),
             diff_depths=tuple(diffs),
             mirror=mirror,
             slices=slices,

@@ -6,7 +6,7 @@ import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from meshtide_codec.compact.display_filter import STRENGTH_STEP
+from meshtide_codec.compact.display_filter import STRENGTHS, UNFILTERED, Strength
 from meshtide_codec.compact.effort import DeepLayers, Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.slices import Slices
@@ -16,7 +16,7 @@ from meshtide_codec.stream import plain_values
 from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from meshtide_codec.stream.header import StreamHeader
 
@@ -76,7 +76,7 @@ class CompactHeader:
 
     Args:
         base_depth: octree depth of the coarsest level, which comes whole in the Base packet.
-        strengths: the display filter's byte for each depth from `base_depth` to B.
+        strengths: the display filter's strength for each depth from `base_depth` to B.
         diff_depths: the depths at which Diff packets end, ascending; each holds the bit planes since the one before.
         mirror: the plane of symmetry, if one is used.
         slices: where the slices begin.
@@ -87,7 +87,7 @@ class CompactHeader:
     """
 
     base_depth: int
-    strengths: bytes
+    strengths: tuple[Strength, ...]
     diff_depths: tuple[int, ...]
     mirror: Mirror | None
     slices: Slices
@@ -98,7 +98,7 @@ class CompactHeader:
     def to_options(self) -> dict[str, Any]:
         """The fields as plain msgpack values, for `StreamHeader.options`; not those that the packet table tells."""
         options: dict[str, Any] = {}
-        if any(self.strengths):
+        if any(strength != UNFILTERED for strength in self.strengths):
             options["f"] = _pack_strengths(self.strengths)
         if self.mirror is not None:
             options["m"] = [self.mirror.axis, self.mirror.coordinate_sum]
@@ -168,7 +168,7 @@ class CompactHeader:
             raise plain_values.BadValueError(f"bits of previews must be {SMALLEST_B}..{bits}")
         return cls(
             base_depth=base_depth,
-            strengths=plain_values.binary(options["f"], "strengths", count, count),
+            strengths=tuple(Strength(f, 0) for f in plain_values.binary(options["f"], "strengths", count, count)),
             diff_depths=tuple(depths),
             mirror=_mirror(options, bits),
             slices=_slices(options, bits),
@@ -195,17 +195,17 @@ def _slices(options: Mapping[str, Any], bits: int) -> Slices:
     return Slices(bits, tuple(plain_values.integer(start, "start of a slice") for start in starts))
 
 
-def _pack_strengths(strengths: bytes) -> bytes:
-    """Two in a byte, in steps of `STRENGTH_STEP`, the first one in the upper half; zeros at the end left out.
+def _pack_strengths(strengths: Sequence[Strength]) -> bytes:
+    """Two in a byte, each by its place in `STRENGTHS`, the first one in the upper half; zeros at the end left out.
 
-    >>> _pack_strengths(bytes([96, 48, 12, 0, 0])).hex()
+    >>> _pack_strengths([STRENGTHS[8], STRENGTHS[4], STRENGTHS[1], STRENGTHS[0], STRENGTHS[0]]).hex()
     '8410'
     """
-    halves = [strength // STRENGTH_STEP for strength in strengths] + [0]
-    packed = bytes(upper << 4 | lower for upper, lower in zip(halves[0::2], halves[1::2], strict=False))
+    places = [STRENGTHS.index(strength) for strength in strengths] + [0]
+    packed = bytes(upper << 4 | lower for upper, lower in zip(places[0::2], places[1::2], strict=False))
     return packed.rstrip(b"\0")
 
 
-def _unpack_strengths(packed: bytes, count: int) -> bytes:
-    halves = [half for byte in packed for half in (byte >> 4, byte & 15)]
-    return bytes(STRENGTH_STEP * half for half in halves[:count]) + bytes(max(count - len(halves), 0))
+def _unpack_strengths(packed: bytes, count: int) -> tuple[Strength, ...]:
+    places = [place for byte in packed for place in (byte >> 4, byte & 15)] + [0] * count
+    return tuple(STRENGTHS[place] for place in places[:count])

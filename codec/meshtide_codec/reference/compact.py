@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.reference.container import BASE, DIFF, MAP_CONN, PREVIEW, Key, split_parts
 from meshtide_codec.reference.diff_decoding import SliceDecoder
-from meshtide_codec.reference.display_filter import drawn, known_cells
+from meshtide_codec.reference.display_filter import STRENGTHS, Strength, drawn, known_cells
 from meshtide_codec.reference.mirror import Mirror
 from meshtide_codec.reference.octree import Level, deepened
 from meshtide_codec.reference.previews import decode_preview, decode_preview_in_parts
@@ -63,7 +63,7 @@ class Shape:
     """
 
     base_depth: int
-    strengths: list[int]
+    strengths: list[Strength]
     diff_depths: list[int]
     preview_bits: list[int]
 
@@ -72,11 +72,11 @@ def shape_of(stream: Stream) -> Shape:
     """What the options tell; from version 3 on the packets tell most of it."""
     options = stream.options
     if stream.version < 3:
-        return Shape(options["b"], list(options["f"]), list(options["d"]), list(options.get("p", b"")))
+        return Shape(options["b"], [(f, 0) for f in options["f"]], list(options["d"]), list(options.get("p", b"")))
     base_depth = next(stream.bits - level for kind, level, _ in stream.payloads if kind == BASE)
     diff_depths = sorted({stream.bits - level for kind, level, _ in stream.payloads if kind == DIFF})
-    strengths = [12 * half for byte in options.get("f", b"") for half in (byte // 16, byte % 16)]
-    return Shape(base_depth, strengths + [0] * (stream.bits + 1), diff_depths, [])
+    strengths = [STRENGTHS[half] for byte in options.get("f", b"") for half in (byte // 16, byte % 16)]
+    return Shape(base_depth, strengths + [STRENGTHS[0]] * (stream.bits + 1), diff_depths, [])
 
 
 def _decode_levels(stream: Stream, packets: dict[Key, bytes], base_depth: int, mirror: Mirror | None) -> list[Level]:

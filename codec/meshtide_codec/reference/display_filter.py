@@ -10,6 +10,13 @@ if TYPE_CHECKING:
     from meshtide_codec.reference.octree import Cell, Level
 
 STRENGTH_UNIT = 128
+Strength = tuple[int, int]
+"""Of the step towards the mean, and of the one away from it."""
+STRENGTHS: list[Strength] = [
+    (0, 0), (13, 13), (26, 26), (38, 26), (51, 0), (64, 26), (64, 38), (64, 51),
+    (64, 64), (77, 51), (77, 64), (96, 0), (96, 51), (96, 64), (115, 0), (115, 64),
+]  # fmt: skip
+"""What the four bits of a depth stand for, from version 3 on."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +50,25 @@ def _cell(cell: Cell, depth: int, bits: int) -> KnownCell:
     return KnownCell(((2 * x + 1) * half_side, (2 * y + 1) * half_side, (2 * z + 1) * half_side), half_side)
 
 
-def drawn(level: Level, known: list[KnownCell], strength_byte: int) -> list[list[float]]:
-    """Positions in finest steps: each middle drawn towards its ring's mean, kept inside the cell."""
-    strength = strength_byte / STRENGTH_UNIT
+def drawn(level: Level, known: list[KnownCell], strength: Strength) -> list[list[float]]:
+    """Positions in finest steps: each middle is drawn towards its ring's mean, then away from it."""
+    smoothing, sharpening = strength
+    positions = [[float(coordinate) for coordinate in cell.middle] for cell in known]
+    positions = _moved(level, known, positions, smoothing / STRENGTH_UNIT)
+    positions = _moved(level, known, positions, -sharpening / STRENGTH_UNIT)
+    return [[0.5 * (coordinate - 1.0) for coordinate in position] for position in positions]
+
+
+def _moved(level: Level, known: list[KnownCell], before: list[list[float]], factor: float) -> list[list[float]]:
+    """Positions moved along their offset from the ring's mean, kept inside the cells."""
     positions = []
-    for ring, cell in zip(level.rings, known, strict=True):
-        position = [float(coordinate) for coordinate in cell.middle]
+    for vertex, (ring, cell) in enumerate(zip(level.rings, known, strict=True)):
+        position = list(before[vertex])
         if ring.members and cell.half_side > 1:
             for axis in range(3):
-                mean = sum(known[member].middle[axis] for member in ring.members) / len(ring.members)
-                moved = position[axis] - strength * (position[axis] - mean)
+                mean = sum(before[member][axis] for member in ring.members) / len(ring.members)
+                moved = position[axis] - factor * (position[axis] - mean)
                 lowest, highest = cell.middle[axis] - cell.half_side, cell.middle[axis] + cell.half_side
                 position[axis] = min(max(moved, float(lowest)), float(highest))
-        positions.append([0.5 * (coordinate - 1.0) for coordinate in position])
+        positions.append(position)
     return positions
