@@ -135,6 +135,11 @@ class KeptMeshes:
                 return found, page.next is not None
             query = replace(query, after=page.next)
 
+    async def tags(self, limit: int) -> list[tuple[str, int]]:
+        """Tags and how many meshes have each, those of most meshes first; raises as `page` does."""
+        async with self._lists:
+            return await self.catalogue.meshes.tags(limit)
+
     async def refresh(self) -> None:
         """Forget what has changed in the catalogue since it was looked up.
 

@@ -117,6 +117,6 @@ async def tags(
 ) -> Response:
     """The tags of published meshes, those of most meshes first."""
     library: Library = request.app.state.library
-    counts = await library.kept.catalogue.meshes.tags(limit) if library.kept is not None else []
+    counts = await library.kept.tags(limit) if library.kept is not None else []
     body = _TAGS.dump_json([TagCount(tag=tag, meshes=count) for tag, count in counts])
     return conditional_json(request, body)

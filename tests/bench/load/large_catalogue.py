@@ -133,6 +133,19 @@ def measure(url: str, database: str, count: int) -> tuple[list[Row], float, floa
                 )
             )
         begun = time.perf_counter()
+        tags = len(client.get("/tags").raise_for_status().json())
+        told = time.perf_counter() - begun
+        rows.append(
+            Row(
+                f"tags of {count}",
+                1e3 * told,
+                "ms",
+                f"<= {1e3 * SEARCH_SECONDS:g} ms",
+                told <= SEARCH_SECONDS,
+                {"tags": tags, "catalogue": database},
+            )
+        )
+        begun = time.perf_counter()
         walked, pages = walk(client)
         walking = time.perf_counter() - begun
         after = server.resident_bytes / 2**20
