@@ -4,6 +4,7 @@ import pytest
 
 from meshes import grid, shapes
 from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.comparison.layers import (
     CELLS,
@@ -18,13 +19,19 @@ from meshtide_codec.comparison.layers import (
     totals,
 )
 from meshtide_codec.encoder import Options, encode
+from meshtide_codec.mesh import Mesh
+from meshtide_codec.rates import bytes_by_kind
 
 
 @pytest.mark.parametrize("name", shapes())
 @pytest.mark.parametrize(
     "options",
-    [CompactOptions(bits=9, slices=2), ClassicOptions(bits=9, coarsest_vertices=12)],
-    ids=["compact", "classic"],
+    [
+        CompactOptions(bits=9, slices=2),
+        CompactOptions(bits=9, slices=2, effort=Effort.HIGH),
+        ClassicOptions(bits=9, coarsest_vertices=12),
+    ],
+    ids=["compact", "high", "classic"],
 )
 def test_every_byte_belongs_to_one_layer(name: str, options: Options) -> None:
     encoded = encode(shapes()[name](), options)
@@ -34,8 +41,9 @@ def test_every_byte_belongs_to_one_layer(name: str, options: Options) -> None:
     assert [row.level for row in rows if row.layer == HEADER] == [None]
 
 
-def test_a_compact_stream_has_maps_faces_and_diffs() -> None:
-    encoded = encode(grid(24), CompactOptions(bits=10, previews=()))
+@pytest.mark.parametrize("effort", Effort)
+def test_a_compact_stream_has_maps_faces_and_diffs(effort: Effort) -> None:
+    encoded = encode(grid(24), CompactOptions(bits=10, previews=(), effort=effort))
     rows = layer_bytes(encoded.header, encoded.packets)
     assert list(totals(rows)) == [HEADER, MAP, CONN, DIFF]
     by_kind = {entry.kind.label: 0 for entry in encoded.header.packets}
@@ -43,6 +51,15 @@ def test_a_compact_stream_has_maps_faces_and_diffs() -> None:
         by_kind[entry.kind.label] += entry.length
     assert totals(rows)[DIFF] == by_kind["Diff"]
     assert totals(rows)[MAP] + totals(rows)[CONN] == by_kind["Base"] + by_kind["Map&Conn"]
+
+
+@pytest.mark.parametrize("effort", Effort)
+def test_a_stream_without_faces_has_nothing_but_maps_and_diffs(effort: Effort) -> None:
+    points = Mesh.checked(grid(24).vertices, [])
+    encoded = encode(points, CompactOptions(bits=10, previews=(), effort=effort))
+    rows = layer_bytes(encoded.header, encoded.packets)
+    assert totals(rows)[DIFF] == bytes_by_kind(encoded.header)["Diff"]
+    assert max(row.size for row in rows if row.layer == CONN) <= 8  # counts, and the last digits of the range coder
 
 
 def test_a_classic_stream_has_cells_and_filters() -> None:

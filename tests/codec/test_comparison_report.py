@@ -6,8 +6,11 @@ from pathlib import Path
 import pytest
 
 from meshes import grid
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.effort import Effort
+from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.comparison.report import TERMINAL, StreamReport, header_states, report_files
-from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.encoder import EncodedMesh, Options, encode
 from meshtide_codec.errors import MeshtideError, OptionError
 
 
@@ -39,6 +42,21 @@ def test_a_page_holds_tables_and_picture(encoded: EncodedMesh) -> None:
     assert page.count("<table>") == 2
     assert "data:image/png;base64,iVBOR" in page
     assert StreamReport("grid", encoded).file(Path("report.png")).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (CompactOptions(bits=9), "profile compact, effort default, B = 9"),
+        (CompactOptions(bits=9, effort=Effort.HIGH), "profile compact, effort high, B = 9"),
+        (ClassicOptions(bits=9), "profile classic, B = 9"),
+    ],
+)
+def test_a_report_tells_the_effort(options: Options, told: str) -> None:
+    encoded = encode(grid(8), options)
+    report = StreamReport("grid", encoded)
+    assert report._title == f"grid: {told}, 64 vertices"
+    assert sum(report.plain()["bytes_by_layer"].values()) == len(encoded.to_bytes())
 
 
 def test_where_a_report_goes(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from meshtide_codec.comparison.layers import HEADER, LAYERS, layer_bytes, totals
 from meshtide_codec.comparison.plots import LIBRARIES, stream_plot
 from meshtide_codec.comparison.states import State
 from meshtide_codec.errors import OptionError
+from meshtide_codec.rates import effort_of
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 
 if TYPE_CHECKING:
@@ -53,7 +54,9 @@ class StreamReport:
         self.files = tuple(files)
         header = encoded.header
         self._vertices = header.vertices
-        self._title = f"{name}: profile {header.profile}, B = {header.bits}, {header.vertices} vertices"
+        effort = effort_of(header)
+        how = f"profile {header.profile}, " + (f"effort {effort}, " if effort else "")
+        self._title = f"{name}: {how}B = {header.bits}, {header.vertices} vertices"
         self.layers: list[LayerBytes] = layer_bytes(header, encoded.packets)
         self.states = header_states(header)
 
