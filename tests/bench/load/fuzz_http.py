@@ -6,6 +6,9 @@ meshes of every format, whole and damaged, which are then read, replaced and del
 written to the socket. Any answer of 500 and above (but 503 with the code `not-ready`), an end of the server, a line
 about a fault in its log, growing memory or descriptors, a job that ends in a fault or does not end, a good mesh that is
 refused, or an uploaded file that is left in the store is a failure: the exit code is 1 then.
+
+Settings of the server that the environment names hold here too: with MESHTIDE_DATABASE and MESHTIDE_STORE, it is tried
+on another database and another store than those in a folder.
 """
 
 from __future__ import annotations

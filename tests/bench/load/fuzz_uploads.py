@@ -30,6 +30,7 @@ _VALUES = (None, True, -1, 0, 1, 2, 1.5, 2**31, 2**53, 2**64, float("inf"), "", 
 _QUERIES: dict[str, tuple[Any, ...]] = {
     "bits": (1, 4, 8, 12, 16, 24, 30, 31, -1, "x"),
     "profile": ("compact", "classic", "other"),
+    "effort": ("default", "high", "other"),
     "tag": ("scan", ["a", "b", "a"], ["x"] * 60, "\x00", "x" * 200, ""),
     "licence": ("CC0", "\x00", "ü" * 300, "<script>"),
     "other": ("ignored",),
