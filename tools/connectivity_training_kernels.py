@@ -15,8 +15,7 @@ from meshtide_codec.connectivity.gate_kernels import DOUBTFUL, next_gate
 from meshtide_codec.connectivity.level_kernels import (
     DONE,
     FACES_DONE,
-    FIRST_PASS,
-    SECOND_PASS,
+    GATE_PASSES,
     add_chosen_face,
     add_face_at_gate,
     next_number,
@@ -34,7 +33,7 @@ from meshtide_codec.connectivity.truth_kernels import find_right, finish_face
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from meshtide_codec.connectivity.decision_kernels import Models
+    from meshtide_codec.connectivity.choice_kernels import Models
     from meshtide_codec.connectivity.level_kernels import Level
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
@@ -65,10 +64,10 @@ def record_level(
         corners = level.fine.triangles[triangle]
         finish_face(level.truth, corners[0], corners[1], corners[2])
     while level.progress[FACES_DONE] < len(level.fine.triangles):
-        gate = next_gate(level, FIRST_PASS)
+        gate = next_gate(level, GATE_PASSES)
         may_wait = gate >= 0
         if gate < 0:
-            gate = next_gate(level, SECOND_PASS)
+            gate = next_gate(level, GATE_PASSES + 1)
         if gate >= 0:
             added = _record_gate(models, level, gate, may_wait, features, right, rows)
             if added < 0:

@@ -27,7 +27,8 @@ from connectivity_training_kernels import FEATURES, PLAIN_FEATURES, descend, rec
 from meshtide_codec.compact.octree import build_octree
 from meshtide_codec.connectivity import codec, tables
 from meshtide_codec.connectivity.coarse_kernels import build_coarse_mesh
-from meshtide_codec.connectivity.decision_kernels import CONTEXTS, Models
+from meshtide_codec.connectivity.decision_kernels import CONTEXTS
+from meshtide_codec.connectivity.models import default_models
 from meshtide_codec.connectivity.score_kernels import LOGISTIC_UNIT, SCORES
 from meshtide_codec.connectivity.traversal_kernels import find_witnesses
 from meshtide_codec.connectivity.truth_kernels import build_truth
@@ -109,7 +110,7 @@ def fitted_scores(levels: list[Case], *, geometric: bool) -> NDArray[np.int16]:
     used_features = FEATURES if geometric else PLAIN_FEATURES
     for _ in range(ROUNDS):
         rows = choices = 0
-        models = Models(new_contexts(CONTEXTS), stored(scores).astype(np.int32), tables.new_pair_weights())
+        models = default_models(new_contexts(CONTEXTS), stored(scores).astype(np.int32))
         for case in levels:
             coarse = build_coarse_mesh(case.parents, case.coarse_faces, case.coarse_count)
             truth = build_truth(case.faces, len(case.parents))
@@ -135,7 +136,7 @@ def stored(scores: NDArray[np.float64]) -> NDArray[np.int16]:
 
 def learnt_contexts(levels: list[Case], scores: NDArray[np.int16]) -> NDArray[np.int32]:
     """The contexts after coding all levels one after the other, small ones first."""
-    models = Models(new_contexts(CONTEXTS), scores.astype(np.int32), tables.new_pair_weights())
+    models = default_models(new_contexts(CONTEXTS), scores.astype(np.int32))
     for case in sorted(levels, key=lambda case: len(case.faces)):
         models.scores[:] = scores
         codec.encode_with(models, *case)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshes import grid, random_meshes, soup
+from meshtide_codec.compact.effort import DeepLayers
 from meshtide_codec.compact.octree import build_octree
 from meshtide_codec.compact.reliable_coding import ReliableCoder
 from meshtide_codec.errors import BaseError, LimitError, MapConnError, MeshtideError, StreamError
@@ -33,15 +34,16 @@ def coder() -> ReliableCoder:
     return ReliableCoder(BITS, COUNT, None)
 
 
-@given(random_meshes(), st.integers(1, BITS))
-@settings(max_examples=40)
-def test_levels_come_back_whatever_the_base_depth(mesh: Mesh, base_depth: int) -> None:
+@given(random_meshes(), st.integers(1, BITS), st.booleans())
+@settings(max_examples=60)
+def test_levels_come_back_whatever_the_base_depth(mesh: Mesh, base_depth: int, deeply: bool) -> None:
+    deep = DeepLayers.ALL if deeply else DeepLayers.NONE
     quantized = quantize(mesh, BITS)
     octree = build_octree(quantized.positions, quantized.faces, BITS)
     first_all_leaves = next(level.depth for level in octree.levels if level.all_leaves)
     base_depth = min(base_depth, first_all_leaves)
-    writing = ReliableCoder(BITS, len(quantized.positions), None)
-    reading = ReliableCoder(BITS, len(quantized.positions), None)
+    writing = ReliableCoder(BITS, len(quantized.positions), None, deep=deep)
+    reading = ReliableCoder(BITS, len(quantized.positions), None, deep=deep)
     levels = reading.decode_base(writing.encode_base(octree, base_depth), base_depth, Limits())
     for depth in range(base_depth + 1, first_all_leaves + 1):
         coarse, fine = octree.levels[depth - 1], octree.levels[depth]

@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshtide_codec.connectivity import decode_faces, encode_faces
+from meshtide_codec.connectivity import decode_faces, encode_faces, new_models, read_faces
+from meshtide_codec.connectivity.codec import encode_with
+from meshtide_codec.entropy.codec import PayloadReader
 from meshtide_codec.errors import MapConnError, MeshError
 
 if TYPE_CHECKING:
@@ -38,6 +40,28 @@ def checked_round_trip(
     assert decoded.dtype == np.int32
     np.testing.assert_array_equal(decoded, faces)
     return payload
+
+
+def checked_deep_round_trip(
+    faces: NDArray[np.int32], parents: NDArray[np.int32], positions: NDArray[np.int32]
+) -> bytes:
+    faces = canonical(faces)
+    arguments = parents, canonical(parents[faces]), int(parents[-1]) + 1
+    payload = encode_with(new_models(geometric=True, deep=True), faces, *arguments, positions)
+    np.testing.assert_array_equal(decoded_deeply(payload, *arguments, len(faces), positions), faces)
+    return payload
+
+
+def decoded_deeply(
+    payload: bytes,
+    parents: NDArray[np.int32],
+    coarse_faces: NDArray[np.int32],
+    coarse_count: int,
+    face_count: int,
+    positions: NDArray[np.int32],
+) -> NDArray[np.int32]:
+    models = new_models(geometric=True, deep=True)
+    return read_faces(PayloadReader(payload), parents, coarse_faces, coarse_count, face_count, positions, models)
 
 
 def families(sizes: list[int]) -> NDArray[np.int32]:
@@ -74,6 +98,14 @@ def test_any_triangle_set_round_trips(
     checked_round_trip(faces, parents, positions if geometric else None)
 
 
+@given(levels())
+@settings(max_examples=80, deadline=None)
+def test_any_triangle_set_round_trips_deeply(
+    level: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]],
+) -> None:
+    checked_deep_round_trip(*level)
+
+
 @pytest.mark.parametrize("geometric", [False, True])
 @pytest.mark.parametrize(
     ("faces", "sizes"),
@@ -95,6 +127,7 @@ def test_small_cases(faces: list[list[int]], sizes: list[int], geometric: bool) 
     parents = families(sizes)
     positions = np.random.default_rng(1).integers(0, 9, (len(parents), 3)).astype(np.int32)
     checked_round_trip(np.array(faces, np.int32).reshape(-1, 3), parents, positions if geometric else None)
+    checked_deep_round_trip(np.array(faces, np.int32).reshape(-1, 3), parents, positions)
 
 
 def test_faces_without_split_corners_cost_nothing() -> None:
@@ -139,6 +172,17 @@ def test_huge_family_and_huge_valence(geometric: bool) -> None:
     angles = np.arange(count)
     positions = np.stack([angles, angles**2 % 1000, angles % 7], axis=1).astype(np.int32)
     checked_round_trip(faces, parents, positions if geometric else None)
+
+
+def test_huge_family_deeply() -> None:
+    """As above; spheres are looked into up to a limit only."""
+    count = 4000
+    rim = np.arange(1, count)
+    faces = np.stack([np.zeros(count - 1, int), rim, np.roll(rim, -1)], axis=1).astype(np.int32)
+    angles = np.arange(count)
+    positions = np.stack([angles, angles**2 % 1000, angles % 7], axis=1).astype(np.int32)
+    payload = checked_deep_round_trip(faces, np.zeros(count, np.int32), positions)
+    assert len(payload) < len(checked_round_trip(faces, np.zeros(count, np.int32), positions))
 
 
 def test_huge_fan_over_a_fan() -> None:
@@ -189,6 +233,47 @@ def test_truncated_and_changed_payloads_never_pass_for_the_original() -> None:
             continue
         assert faces.shape == original.shape
         np.testing.assert_array_equal(faces, canonical(faces))
+
+
+def deep_sample() -> tuple[bytes, NDArray[np.int32], NDArray[np.int32], int, int, NDArray[np.int32]]:
+    faces = canonical(grid(12, 12))
+    parents = families([3] * 48)
+    coarse_faces = canonical(parents[faces])
+    places = np.arange(144)
+    positions = np.stack([places // 12 * 4, places % 12 * 4, places % 5], axis=1).astype(np.int32)
+    payload = encode_with(new_models(geometric=True, deep=True), faces, parents, coarse_faces, 48, positions)
+    return payload, parents, coarse_faces, 48, len(faces), positions
+
+
+@given(st.binary(max_size=200), st.integers(0, 300))
+@settings(max_examples=80, deadline=None)
+def test_hostile_deep_payloads_only_raise(payload: bytes, face_count: int) -> None:
+    _, parents, coarse_faces, coarse_count, _, positions = deep_sample()
+    try:
+        faces = decoded_deeply(payload, parents, coarse_faces, coarse_count, face_count, positions)
+    except MapConnError:
+        return
+    assert faces.shape == (face_count, 3)
+    np.testing.assert_array_equal(faces, canonical(faces))
+    assert face_count == 0 or (faces.min() >= 0 and faces.max() < len(parents))
+
+
+def test_truncated_and_changed_deep_payloads_never_pass_for_the_original() -> None:
+    payload, *arguments = deep_sample()
+    original = decoded_deeply(payload, *arguments)
+    damaged = [payload[:length] for length in range(len(payload))]
+    damaged += [payload[:i] + bytes([payload[i] ^ 0x41]) + payload[i + 1 :] for i in range(len(payload))]
+    different = 0
+    for candidate in damaged:
+        try:
+            faces = decoded_deeply(candidate, *arguments)
+        except MapConnError:
+            different += 1
+            continue
+        assert faces.shape == original.shape
+        np.testing.assert_array_equal(faces, canonical(faces))
+        different += not np.array_equal(faces, original)
+    assert different > len(payload)
 
 
 def test_bytes_after_the_last_face_are_refused() -> None:
@@ -273,3 +358,11 @@ def test_exact_bytes(geometric: bool, expected: str) -> None:
     positions = np.stack([places // 6 * 4, places % 6 * 4, places % 5], axis=1).astype(np.int32)
     payload = checked_round_trip(GOLDEN_FACES, families([3] * 12), positions if geometric else None)
     assert payload.hex() == expected
+
+
+def test_exact_deep_bytes() -> None:
+    """The same for faces that are coded deeply."""
+    places = np.arange(36)
+    positions = np.stack([places // 6 * 4, places % 6 * 4, places % 5], axis=1).astype(np.int32)
+    payload = checked_deep_round_trip(GOLDEN_FACES, families([3] * 12), positions)
+    assert payload.hex() == "efaa774a323740"

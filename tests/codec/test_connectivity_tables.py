@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from meshtide_codec.connectivity import decision_high_kernels as deep
+from meshtide_codec.connectivity import score_high_kernels
 from meshtide_codec.connectivity import shape_kernels as shapes
 from meshtide_codec.connectivity.decision_kernels import CONTEXTS, ODDS_CLASS, ODDS_CLASSES
+from meshtide_codec.connectivity.property_high_kernels import PLACES
+from meshtide_codec.connectivity.score_high_kernels import SCORE_LIMIT
 from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT, LOWEST_WEIGHT, SCORES, WEIGHTS
-from meshtide_codec.connectivity.tables import PRIOR_LIMIT, new_models, table_path
+from meshtide_codec.connectivity.tables import DEEP_PRIOR_LIMIT, PRIOR_LIMIT, deep_table_path, new_models, table_path
+from meshtide_codec.entropy.deep_mixing_kernels import CORRECTION_STEPS, FAST_LIMIT, WEIGHT_LIMIT
 from meshtide_codec.entropy.model_kernels import COUNT_LIMIT
 
 
@@ -23,6 +28,43 @@ def test_a_table_has_the_size_and_range_that_the_kernels_rely_on(geometric: bool
         assert int(table["counts"].max()) <= COUNT_LIMIT
         assert table["meshes"].tolist() == ["fandisk.obj", "homer.obj", "rocker-arm.obj", "spot.obj", "assembly 0"]
     assert table_path(geometric=geometric).stat().st_size < 20_000
+
+
+def test_the_deep_table_has_the_size_and_range_that_the_kernels_rely_on() -> None:
+    with np.load(deep_table_path()) as table:
+        arrays = {name: table[name] for name in table.files if name != "meshes"}
+        meshes = table["meshes"].tolist()
+    assert {name: (array.dtype, array.shape) for name, array in arrays.items()} == {
+        "scores": (np.int32, (PLACES,)),
+        "score_counts": (np.uint8, (PLACES,)),
+        "probabilities": (np.uint16, (deep.CONTEXTS,)),
+        "counts": (np.uint8, (deep.CONTEXTS,)),
+        "weights": (np.int32, (deep.NEURONS * deep.INPUTS,)),
+        "final_weights": (np.int32, (deep.FINALS * deep.CHOSEN_NEURONS,)),
+        "corrections": (np.int32, (deep.CORRECTIONS * CORRECTION_STEPS,)),
+    }
+    assert int(np.abs(arrays["scores"]).max()) <= SCORE_LIMIT
+    assert int(np.abs(arrays["weights"]).max()) <= WEIGHT_LIMIT
+    assert int(np.abs(arrays["final_weights"]).max()) <= WEIGHT_LIMIT
+    assert int(arrays["corrections"].min()) >= 0
+    assert int(arrays["corrections"].max()) < 65536 << 6
+    assert meshes[:4] == ["fandisk.obj", "homer.obj", "rocker-arm.obj", "spot.obj"]
+    assert deep_table_path().stat().st_size < 250_000
+
+
+def test_deep_models_begin_as_the_table_says() -> None:
+    models = new_models(geometric=True, deep=True)
+    slow, fast = np.split(models.questions.mixer[0], 2)
+    np.testing.assert_array_equal(slow >> 8, fast >> 8)
+    assert int((slow & 255).max()) == int(models.table.counts.max()) == DEEP_PRIOR_LIMIT
+    assert int((fast & 255).max()) == FAST_LIMIT
+
+
+def test_deep_weights_fall_by_a_factor_e_every_64_steps_and_never_to_zero() -> None:
+    weights = score_high_kernels.WEIGHTS
+    assert weights[[0, 64, 128, 1023]].tolist() == [1 << 20, 385750, 141909, 1]
+    assert np.all(np.diff(weights) <= 0)
+    assert score_high_kernels.RATES[[0, 16, 255]].tolist() == [655 + 9830, 655 + 4915, 655 + 580]
 
 
 def test_models_are_the_callers_own() -> None:

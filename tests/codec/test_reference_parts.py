@@ -11,12 +11,14 @@ import pytest
 
 from meshtide_codec.compact import quantizers, ring_kernels
 from meshtide_codec.compact.cell_table_kernels import ABSENT, build_cell_table, find_cell
-from meshtide_codec.connectivity import decode_faces, encode_faces, score_kernels, shape_kernels
+from meshtide_codec.connectivity import new_models, read_faces, score_high_kernels, score_kernels, shape_kernels
+from meshtide_codec.connectivity.codec import encode_with
 from meshtide_codec.entropy import codec, mixing_kernels, model_kernels, range_coder_kernels
 from meshtide_codec.errors import PacketError
 from meshtide_codec.mesh import canonical_faces
-from meshtide_codec.reference import class_tables, faces_scores, faces_shapes, mixing
+from meshtide_codec.reference import class_tables, faces_deep, faces_scores, faces_shapes, mixing
 from meshtide_codec.reference.connectivity import decode_faces as reference_faces
+from meshtide_codec.reference.faces_states import DeepFaceStates
 from meshtide_codec.reference.mirror import CellTable
 from meshtide_codec.reference.models import Contexts
 from meshtide_codec.reference.octree import NOBODY, rings_of
@@ -27,6 +29,8 @@ def test_tables_are_the_same() -> None:
     assert mixing_kernels.STRETCH.tolist() == mixing.STRETCH
     assert mixing_kernels.SQUASH.tolist() == mixing.SQUASH
     assert score_kernels.WEIGHTS.tolist() == faces_scores.WEIGHTS
+    assert score_high_kernels.WEIGHTS.tolist() == faces_deep.WEIGHTS
+    assert score_high_kernels.RATES.tolist() == faces_deep.RATES
     assert shape_kernels.ANGLE_CLASSES.tolist() == faces_shapes.ANGLE_CLASSES
     assert shape_kernels.LENGTH_CLASSES.tolist() == faces_shapes.LENGTH_CLASSES
     steps = [index / quantizers.STEPS for index in range(quantizers.LOGARITHM_ENTRIES)]
@@ -41,6 +45,7 @@ def test_tables_are_the_same() -> None:
     [
         "compact/geometry_states.npz",
         "compact/deep_states.npz",
+        "connectivity/tables/deep.npz",
         "connectivity/tables/with_positions.npz",
         "connectivity/tables/without_positions.npz",
     ],
@@ -101,8 +106,8 @@ def test_crowded_cell_tables_leave_out_the_same_cells() -> None:
     assert ABSENT in expected
 
 
-@pytest.mark.parametrize("geometric", [False, True])
-def test_faces_of_large_families(geometric: bool) -> None:
+@pytest.mark.parametrize(("geometric", "deeply"), [(False, False), (True, False), (True, True)])
+def test_faces_of_large_families(geometric: bool, deeply: bool) -> None:
     """Families beyond the lists' capacity, edges of many faces, and vertices of many half-edges."""
     generator = np.random.default_rng(8)
     count = 700
@@ -113,8 +118,10 @@ def test_faces_of_large_families(geometric: bool) -> None:
     parents = np.sort(np.concatenate([[0, 1, 2], generator.integers(0, 3, count - 3)])).astype(np.int32)
     coarse_faces = canonical_faces(parents[faces])
     positions = generator.integers(0, 999, (count, 3)).astype(np.int32) if geometric else None
-    payload = encode_faces(faces, parents, coarse_faces, 3, positions)
-    expected = decode_faces(payload, parents, coarse_faces, 3, len(faces), positions)
+    payload = encode_with(new_models(geometric=geometric, deep=deeply), faces, parents, coarse_faces, 3, positions)
+    models = new_models(geometric=geometric, deep=deeply)
+    expected = read_faces(codec.PayloadReader(payload), parents, coarse_faces, 3, len(faces), positions, models)
+    assert np.array_equal(expected, faces)
     found = reference_faces(
         RangeDecoder(payload),
         parents.tolist(),
@@ -122,5 +129,6 @@ def test_faces_of_large_families(geometric: bool) -> None:
         3,
         len(faces),
         None if positions is None else [(x, y, z) for x, y, z in positions.tolist()],
+        DeepFaceStates() if deeply else None,
     )
     assert np.array_equal(np.array(found), expected)

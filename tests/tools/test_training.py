@@ -73,3 +73,20 @@ def test_connectivity_tables(mesh_file: Path, tmp_path: Path, monkeypatch: pytes
         with np.load(tmp_path / f"{geometric}.npz") as arrays:
             assert arrays["meshes"].tolist() == ["torus.off"]
             assert arrays["scores"].any()
+
+
+def test_deep_connectivity_tables(mesh_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shipped = tables.deep_table_path()
+    monkeypatch.setattr(tables, "deep_table_path", lambda: tmp_path / "deep.npz")
+    monkeypatch.syspath_prepend(str(TOOLS))
+    import train_connectivity
+    import train_deep_connectivity
+
+    monkeypatch.setattr(train_connectivity, "PARTS", 4)
+    monkeypatch.setattr(sys, "argv", ["train_deep_connectivity.py", "--rotations", "2", str(mesh_file)])
+    train_deep_connectivity.main()
+    assert described(tmp_path / "deep.npz") == described(shipped)
+    with np.load(tmp_path / "deep.npz") as arrays:
+        assert arrays["meshes"].tolist() == ["torus.off", "assembly 0", "assembly 1"]
+        assert arrays["scores"].any()
+        assert arrays["counts"].any()

@@ -27,4 +27,5 @@ class DeepLayers(enum.IntFlag, boundary=enum.STRICT):
     NONE = 0
     DIFFS = 1
     MAPS = 2
-    ALL = DIFFS | MAPS
+    FACES = 4
+    ALL = DIFFS | MAPS | FACES

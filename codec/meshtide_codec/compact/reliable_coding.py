@@ -22,7 +22,7 @@ from meshtide_codec.compact.effort import DeepLayers
 from meshtide_codec.compact.level import root_level
 from meshtide_codec.compact.map_coder import decode_map, read_map, write_map
 from meshtide_codec.compact.models import new_deep_map_models, new_map_models
-from meshtide_codec.connectivity import decode_faces, read_faces, write_faces
+from meshtide_codec.connectivity import decode_faces, new_models, read_faces, write_faces
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.entropy.model_kernels import SIGNED_CONTEXTS, code_signed, new_contexts
 from meshtide_codec.errors import BaseError, MapConnError
@@ -50,7 +50,7 @@ class ReliableCoder:
         vertices: vertices of the finest level.
         mirror: the plane of symmetry, if one is used.
         in_parts: whether payloads that are read are made of parts, as before format version 3.
-        deep: the layers that are coded deeply.
+        deep: the layers that are coded deeply; what is learnt from such faces is kept from level to level.
 
     Attributes:
         map_bytes: how much of the payloads that were read so far was Maps.
@@ -71,6 +71,7 @@ class ReliableCoder:
         self._in_parts = in_parts
         self.map_bytes = 0
         self._models = new_deep_map_models() if DeepLayers.MAPS in deep else new_map_models()
+        self._face_models = new_models(geometric=True, deep=True) if DeepLayers.FACES in deep else None
 
     def encode_base(self, octree: Octree, base_depth: int) -> bytes:
         """The payload that holds all levels down to `base_depth`."""
@@ -86,7 +87,7 @@ class ReliableCoder:
             if not coarse.all_leaves:
                 write_map(writer, coarse, fine, self._bits, self._models, self._mirror)
                 _write_face_count(writer, counts, fine)
-                _write_faces(writer, coarse, fine)
+                self._write_faces(writer, coarse, fine)
 
     def decode_base(self, payload: bytes, base_depth: int, limits: Limits) -> list[Level]:
         """The levels of depths 0 to `base_depth`.
@@ -123,14 +124,14 @@ class ReliableCoder:
             if face_count < 0:
                 raise BaseError(f"{face_count} faces at depth {depth}; the stream is damaged", offset=reader.offset)
             limits.check_mesh(0, face_count)
-            levels.append(_read_faces(reader, coarse, fine, face_count))
+            levels.append(self._read_faces(reader, coarse, fine, face_count))
         return levels
 
     def encode_map_conn(self, coarse: Level, fine: Level) -> bytes:
         """The payload that leads from one level to the next."""
         writer = PayloadWriter()
         write_map(writer, coarse, fine, self._bits, self._models, self._mirror)
-        _write_faces(writer, coarse, fine)
+        self._write_faces(writer, coarse, fine)
         return writer.payload()
 
     def decode_map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
@@ -147,7 +148,7 @@ class ReliableCoder:
             return self._decode_parts(map_payload, face_payload, coarse, face_count)
         reader = PayloadReader(payload)
         fine = self._read_map(reader, coarse)
-        fine = _read_faces(reader, coarse, fine, face_count)
+        fine = self._read_faces(reader, coarse, fine, face_count)
         if not reader.finished:
             raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
         return fine
@@ -157,6 +158,14 @@ class ReliableCoder:
         fine = read_map(reader, coarse, self._bits, self._models, self._vertices, self._mirror)
         self.map_bytes += reader.offset - before
         return fine
+
+    def _write_faces(self, writer: PayloadWriter, coarse: Level, fine: Level) -> None:
+        count = coarse.vertex_count
+        write_faces(writer, _faces(fine), fine.parents, _faces(coarse), count, fine.centres, self._face_models)
+
+    def _read_faces(self, reader: PayloadReader, coarse: Level, fine: Level, face_count: int) -> Level:
+        arguments = fine.parents, _faces(coarse), coarse.vertex_count, face_count, fine.centres
+        return fine.with_faces(read_faces(reader, *arguments, self._face_models))
 
     def _decode_base_in_parts(self, payload: bytes, base_depth: int, limits: Limits) -> list[Level]:
         levels = [root_level(self._vertices)]
@@ -199,16 +208,6 @@ def _write_face_count(writer: PayloadWriter, counts: Contexts, level: Level) -> 
         code_signed(coder, buffer, counts, 0, surplus)
 
     writer.write(write)
-
-
-def _write_faces(writer: PayloadWriter, coarse: Level, fine: Level) -> None:
-    write_faces(writer, _faces(fine), fine.parents, _faces(coarse), coarse.vertex_count, fine.centres)
-
-
-def _read_faces(reader: PayloadReader, coarse: Level, fine: Level, face_count: int) -> Level:
-    return fine.with_faces(
-        read_faces(reader, fine.parents, _faces(coarse), coarse.vertex_count, face_count, fine.centres)
-    )
 
 
 def _deepened(leaves: Level, depth: int) -> list[Level]:

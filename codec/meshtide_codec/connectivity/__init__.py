@@ -30,6 +30,11 @@ consecutive. A coarse vertex with several children is *split*.
 5. **Leftovers** (`seed_kernels`). What nothing else reaches: for each vertex of a split family, has it another face?
    Its other corners are chosen from a list of vertices around it, or given by their distance in the vertex order.
 
+At effort high, steps 2 and 3 ask the same questions but expect the answers with more knowledge (`choice_kernels` is
+where the two part): more properties of each candidate (`property_high_kernels`), finer scores (`score_high_kernels`)
+and deep mixing (`decision_high_kernels`). Gates then wait for up to nine passes, the surest first, and what is learnt
+is kept from level to level.
+
 After every face that steps 3 to 5 add, the traversal goes back to step 2. It ends when all faces are known.
 
 Two bits at the start of a payload announce that a level is *closed* (every gate has a face, so nobody asks) or *clean*
@@ -42,5 +47,6 @@ Alliez & Desbrun, "Valence-driven connectivity encoding", 2001, with the coarse 
 """
 
 from meshtide_codec.connectivity.codec import decode_faces, encode_faces, read_faces, write_faces
+from meshtide_codec.connectivity.tables import new_models
 
-__all__ = ["decode_faces", "encode_faces", "read_faces", "write_faces"]
+__all__ = ["decode_faces", "encode_faces", "new_models", "read_faces", "write_faces"]

@@ -9,10 +9,10 @@ import numpy as np
 from meshtide_codec.connectivity import coarse_kernels, decision_kernels, half_edge_kernels, level_kernels
 from meshtide_codec.connectivity.candidate_kernels import new_candidates
 from meshtide_codec.connectivity.coarse_kernels import build_coarse_mesh
-from meshtide_codec.connectivity.decision_kernels import Models
 from meshtide_codec.connectivity.edge_index_kernels import sorted_faces
 from meshtide_codec.connectivity.half_edge_kernels import FineMesh
 from meshtide_codec.connectivity.level_kernels import Level
+from meshtide_codec.connectivity.models import adopt, copied, is_deep
 from meshtide_codec.connectivity.tables import new_models
 from meshtide_codec.connectivity.traversal_kernels import find_witnesses, traverse
 from meshtide_codec.connectivity.truth_kernels import build_truth, empty_truth, survey
@@ -23,6 +23,7 @@ from meshtide_codec.errors import MapConnError, MeshError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from meshtide_codec.connectivity.choice_kernels import Models
     from meshtide_codec.connectivity.coarse_kernels import CoarseMesh
     from meshtide_codec.connectivity.truth_kernels import Truth
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
@@ -60,8 +61,9 @@ def encode_faces(
     Raises:
         MeshError: an argument breaks these rules.
     """
-    models = new_models(geometric=positions is not None)
-    return encode_with(models, fine_faces, parents, coarse_faces, coarse_count, positions)
+    writer = PayloadWriter()
+    write_faces(writer, fine_faces, parents, coarse_faces, coarse_count, positions)
+    return writer.payload()
 
 
 def encode_with(
@@ -74,7 +76,7 @@ def encode_with(
 ) -> bytes:
     """Like `encode_faces`, starting from the given models and leaving in them what they have learnt."""
     writer = PayloadWriter()
-    _write_with(writer, models, fine_faces, parents, coarse_faces, coarse_count, positions)
+    write_faces(writer, fine_faces, parents, coarse_faces, coarse_count, positions, models)
     return writer.payload()
 
 
@@ -85,22 +87,15 @@ def write_faces(
     coarse_faces: Integers,
     coarse_count: int,
     positions: Integers | None = None,
+    models: Models | None = None,
 ) -> None:
-    """Like `encode_faces`, into a payload that holds more."""
-    models = new_models(geometric=positions is not None)
-    _write_with(writer, models, fine_faces, parents, coarse_faces, coarse_count, positions)
+    """Like `encode_faces`, into a payload that holds more; `models` are those to start from and to teach, if given.
 
-
-def _write_with(
-    writer: PayloadWriter,
-    models: Models,
-    fine_faces: Integers,
-    parents: Integers,
-    coarse_faces: Integers,
-    coarse_count: int,
-    positions: Integers | None,
-) -> None:
-    problem = _problem(parents, coarse_faces, coarse_count, positions)
+    Raises:
+        MeshError: as there, or the models are deep ones and there are no positions.
+    """
+    models = models or new_models(geometric=positions is not None)
+    problem = _problem(parents, coarse_faces, coarse_count, positions, models)
     if problem is None and not _valid_indices(fine_faces, len(parents)):
         problem = "the fine faces must be an (m, 3) array of fine vertices"
     if problem is not None:
@@ -146,22 +141,20 @@ def _write_as(
     """
     before = writer.mark()
     witnesses = find_witnesses(truth.faces, parents, coarse)
-    fresh = Models(models.contexts.copy(), models.scores.copy(), models.weights.copy())
+    learnt = models
 
     def write(coder: Coder, buffer: Buffer) -> int:
-        models.contexts[:] = fresh.contexts
-        models.scores[:] = fresh.scores
-        models.weights[:] = fresh.weights
+        nonlocal learnt
+        learnt = copied(models)
         level = new_level(coarse, truth, parents, len(truth.faces), positions)
-        level = level._replace(encoding=True, closed=closed, clean=clean)
+        level = level._replace(encoding=True, closed=closed, clean=clean, deep=is_deep(models))
         code_raw_bits(coder, buffer, 2, 2 * closed + clean)
-        return int(traverse(coder, buffer, models, level, witnesses))
+        return int(traverse(coder, buffer, learnt, level, witnesses))
 
     status = writer.write(write, len(truth.faces))
-    if status != level_kernels.DONE:
-        models.contexts[:] = fresh.contexts
-        models.scores[:] = fresh.scores
-        models.weights[:] = fresh.weights
+    if status == level_kernels.DONE:
+        adopt(models, learnt)
+    else:
         writer.go_back(before)
     return status
 
@@ -198,13 +191,17 @@ def read_faces(
     coarse_count: int,
     face_count: int,
     positions: Integers | None = None,
+    models: Models | None = None,
 ) -> NDArray[np.int32]:
-    """Like `decode_faces`, from a payload that may hold more.
+    """Like `decode_faces`, from a payload that may hold more, with the `models` of `write_faces`.
+
+    The models learn, unless the payload is damaged.
 
     Raises:
-        MapConnError: as there, but for the length.
+        MapConnError: as there, but for the length; or the models are deep ones and there are no positions.
     """
-    problem = _problem(parents, coarse_faces, coarse_count, positions)
+    models = models or new_models(geometric=positions is not None)
+    problem = _problem(parents, coarse_faces, coarse_count, positions, models)
     if problem is not None:
         raise MapConnError(f"connectivity cannot be decoded: {problem}")
     if face_count == 0:
@@ -213,9 +210,9 @@ def read_faces(
     coarse = build_coarse_mesh(fine_parents, np.ascontiguousarray(coarse_faces, np.int32), coarse_count)
     flags = code_raw_bits(reader.coder, reader.buffer, 2, 0)
     level = new_level(coarse, empty_truth(), fine_parents, face_count, positions)
-    level = level._replace(closed=flags >= 2, clean=flags % 2 == 1)
-    models = new_models(geometric=positions is not None)
-    status = traverse(reader.coder, reader.buffer, models, level, NOTHING)
+    level = level._replace(closed=flags >= 2, clean=flags % 2 == 1, deep=is_deep(models))
+    learnt = copied(models)
+    status = traverse(reader.coder, reader.buffer, learnt, level, NOTHING)
     if status != level_kernels.DONE:
         raise MapConnError(f"{REASONS[status]}; the stream is damaged", offset=reader.offset)
     triangles = level.fine.triangles
@@ -223,10 +220,13 @@ def read_faces(
     faces = sorted_faces(triangles, len(parents))
     if np.any(np.all(faces[1:] == faces[:-1], axis=1)):
         raise MapConnError("a face appears twice; the stream is damaged", offset=reader.offset)
+    adopt(models, learnt)
     return faces
 
 
-def _problem(parents: Integers, coarse_faces: Integers, coarse_count: int, positions: Integers | None) -> str | None:
+def _problem(
+    parents: Integers, coarse_faces: Integers, coarse_count: int, positions: Integers | None, models: Models
+) -> str | None:
     """What is wrong with the arguments that encoder and decoder share, or None."""
     if parents.ndim != 1 or len(parents) < coarse_count or coarse_count < 1:
         return f"{len(parents)} fine vertices cannot collapse to {coarse_count} coarse ones"
@@ -237,6 +237,8 @@ def _problem(parents: Integers, coarse_faces: Integers, coarse_count: int, posit
         return "the coarse faces must be a (k, 3) array of coarse vertices"
     if positions is not None and positions.shape != (len(parents), 3):
         return f"positions have the shape {positions.shape} instead of {(len(parents), 3)}"
+    if positions is None and is_deep(models):
+        return "deep models need positions"
     return None
 
 
@@ -270,4 +272,5 @@ def new_level(
         closed=False,
         clean=False,
         geometric=positions is not None,
+        deep=False,
     )

@@ -7,7 +7,7 @@ written plainly, so the cost of a choice is O(MAXIMUM_QUESTIONS * candidates).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from meshtide_codec.connectivity.candidate_kernels import Candidates
     from meshtide_codec.connectivity.half_edge_kernels import FineMesh
+    from meshtide_codec.entropy.mixing_kernels import Weights
     from meshtide_codec.entropy.model_kernels import Contexts
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
@@ -65,20 +66,6 @@ GATE_PAIR = STAGES * 4
 PAIRS = GATE_PAIR + 2
 
 
-class Models(NamedTuple):
-    """What the coder expects.
-
-    Attributes:
-        contexts: (CONTEXTS,) int32, adaptive contexts.
-        scores: (SCORES,) int32, trained scores of candidates.
-        weights: (2 * PAIRS,) int32, of the two contexts of each sort of decision.
-    """
-
-    contexts: Contexts
-    scores: NDArray[np.int32]
-    weights: NDArray[np.int32]
-
-
 @inlined_kernel
 def borders(fine: FineMesh, first: int, second: int) -> int:
     """How many of two vertices lie at a known border."""
@@ -89,7 +76,8 @@ def borders(fine: FineMesh, first: int, second: int) -> int:
 def code_gate_has_face(
     coder: Coder,
     buffer: Buffer,
-    models: Models,
+    contexts: Contexts,
+    weights: Weights,
     surroundings: tuple[bool, int, int, int],
     count: int,
     closed: int,
@@ -111,14 +99,15 @@ def code_gate_has_face(
     pair = GATE_PAIR + (1 if closed == CLOSINGS - 1 else 0)
     one += GATE_CONTEXTS
     other += GATE_CONFIDENCE_CONTEXTS
-    return code_paired_bit(coder, buffer, models.contexts, models.weights, pair, one, other, has_face)
+    return code_paired_bit(coder, buffer, contexts, weights, pair, one, other, has_face)
 
 
 @merged_kernel
 def code_choice(
     coder: Coder,
     buffer: Buffer,
-    models: Models,
+    contexts: Contexts,
+    weights: Weights,
     stage: int,
     candidates: Candidates,
     count: int,
@@ -135,7 +124,7 @@ def code_choice(
     remaining = count
     while remaining > 1:
         if rank == MAXIMUM_QUESTIONS:
-            return _code_place(coder, buffer, candidates, count, remaining)
+            return code_place(coder, buffer, candidates, count, remaining)
         odds = (total << 8) // weight[row] - 256 if weight[row] > 0 else ODDS_LIMIT
         odds_class = ODDS_CLASS[min(odds, ODDS_LIMIT)]
         place = min(rank, 3)
@@ -146,21 +135,28 @@ def code_choice(
         one += ODDS_CONTEXTS
         other += KIND_CONTEXTS
         right = 1 if candidates.right[row] >= 0 else 0
-        if code_paired_bit(coder, buffer, models.contexts, models.weights, pair, one, other, right):
+        if code_paired_bit(coder, buffer, contexts, weights, pair, one, other, right):
             return row
         total -= weight[row]
         weight[row] = -1 - weight[row]
         remaining -= 1
         rank += 1
-        row = 0
-        for i in range(1, count):
-            if weight[i] > weight[row]:
-                row = i
+        row = next_best(weight, count)
     return row
 
 
+@inlined_kernel
+def next_best(weight: NDArray[np.int64], count: int) -> int:
+    """The first row with the greatest weight."""
+    best = 0
+    for row in range(1, count):
+        if weight[row] > weight[best]:
+            best = row
+    return best
+
+
 @borrowing_kernel
-def _code_place(coder: Coder, buffer: Buffer, candidates: Candidates, count: int, remaining: int) -> int:
+def code_place(coder: Coder, buffer: Buffer, candidates: Candidates, count: int, remaining: int) -> int:
     """Code the place of the right candidate among those that are not refused yet."""
     bits = 0
     while (remaining - 1) >> bits:

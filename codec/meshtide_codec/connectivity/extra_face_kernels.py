@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from meshtide_codec.compilation import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
 from meshtide_codec.connectivity.candidate_kernels import EVERYTHING, gather_apexes
+from meshtide_codec.connectivity.choice_kernels import code_apex, weigh
 from meshtide_codec.connectivity.coarse_kernels import APEX_SCAN_LIMIT, SPLIT
 from meshtide_codec.connectivity.decision_kernels import (
     AT_EXTRA_FACE,
@@ -18,7 +19,6 @@ from meshtide_codec.connectivity.decision_kernels import (
     EXTRA_DIRECTION_CONTEXTS,
     NO_SUCH_CANDIDATE,
     borders,
-    code_choice,
 )
 from meshtide_codec.connectivity.edge_index_kernels import first_entry
 from meshtide_codec.connectivity.level_kernels import (
@@ -28,13 +28,12 @@ from meshtide_codec.connectivity.level_kernels import (
     add_chosen_face,
     next_number,
 )
-from meshtide_codec.connectivity.score_kernels import score_candidates
 from meshtide_codec.connectivity.truth_kernels import find_right, waiting_entry
 from meshtide_codec.entropy.model_kernels import code_adaptive_bit
 
 if TYPE_CHECKING:
+    from meshtide_codec.connectivity.choice_kernels import Models
     from meshtide_codec.connectivity.coarse_kernels import CoarseMesh
-    from meshtide_codec.connectivity.decision_kernels import Models
     from meshtide_codec.connectivity.level_kernels import Level
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
@@ -88,10 +87,8 @@ def _code_at_edge(coder: Coder, buffer: Buffer, models: Models, level: Level, ha
         count = _gather(level, first, second, known_apex)
         if count == 0:
             return NO_SUCH_CANDIDATE
-    best, total = score_candidates(
-        models.scores, level.geometric, level.candidates, count, fine.vertices, first, second, known_apex
-    )
-    row = code_choice(coder, buffer, models, AT_EXTRA_FACE, level.candidates, count, best, total)
+    best, total = weigh(models, level, count, first, second, known_apex)
+    row = code_apex(coder, buffer, models, level, AT_EXTRA_FACE, count, best, total)
     if row < 0:
         return row
     return add_chosen_face(level, first, second, row)

@@ -3,46 +3,49 @@
 Half-edges are numbered in the order in which they are made, so the queue of gates is the numbering itself: the first
 pass looks at each half-edge once, in order. A gate whose best candidate is doubtful is left open then, because its
 surroundings may be known better later; when the first pass has nothing left, the second pass asks it for good.
+Where faces are coded deeply there are more passes, each of which asks gates that were too doubtful for those before.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from meshtide_codec.compilation import borrowing_kernel, merged_kernel
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity.candidate_kernels import BLOCKED_ONLY, CLOSINGS, STATES, UNBLOCKED, gather_apexes
-from meshtide_codec.connectivity.decision_kernels import (
-    AT_EXTRA_FACE,
-    AT_GATE,
-    borders,
-    code_choice,
-    code_gate_has_face,
-)
+from meshtide_codec.connectivity.candidate_kernels import BLOCKED_ONLY, UNBLOCKED, gather_apexes
+from meshtide_codec.connectivity.choice_kernels import code_apex, code_has_face, learn, weigh
+from meshtide_codec.connectivity.decision_kernels import AT_EXTRA_FACE, AT_GATE, borders
 from meshtide_codec.connectivity.level_kernels import (
     DONE,
     FACES_DONE,
-    FIRST_PASS,
+    GATE_PASSES,
     NOT_CLOSED,
-    SECOND_PASS,
     add_chosen_face,
     add_face_at_gate,
     next_number,
 )
-from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT, learn_scores, score_candidates
+from meshtide_codec.connectivity.score_high_kernels import FULL_WEIGHT as FULL_DEEP_WEIGHT
+from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT
 from meshtide_codec.connectivity.truth_kernels import find_right
 
 if TYPE_CHECKING:
-    from meshtide_codec.connectivity.decision_kernels import Models
+    from numpy.typing import NDArray
+
+    from meshtide_codec.connectivity.choice_kernels import Models
     from meshtide_codec.connectivity.level_kernels import Level
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
 DOUBTFUL = FULL_WEIGHT * 5 // 2  # sum of weights beyond which a gate waits: the best has less than 40 %
+DEEPLY_DOUBTFUL: NDArray[np.int64] = np.array([65, 66, 68, 72, 80, 100, 130, 200]) * FULL_DEEP_WEIGHT // 64
+"""The same for all passes but the last, where faces are coded deeply."""
+NEVER_DOUBTFUL = 1 << 62
 
 
 @merged_kernel
 def next_gate(level: Level, place: int) -> int:
-    """The next open half-edge of the pass FIRST_PASS or SECOND_PASS, or -1; advances that pass beyond it."""
+    """The next open half-edge of the pass whose place in `progress` is given, or -1; advances that pass beyond it."""
     triangles = level.fine.triangles
     half_edge = level.progress[place]
     end = 4 * level.progress[FACES_DONE]
@@ -61,22 +64,25 @@ def next_gate(level: Level, place: int) -> int:
 @borrowing_kernel
 def code_gates(coder: Coder, buffer: Buffer, models: Models, level: Level) -> int:
     """Code gates until none is left or all faces are known; returns DONE or a negative status."""
+    last = len(DEEPLY_DOUBTFUL) if level.deep else 1
     while level.progress[FACES_DONE] < len(level.fine.triangles):
-        gate = next_gate(level, FIRST_PASS)
-        may_wait = gate >= 0
+        which = 0
+        gate = next_gate(level, GATE_PASSES)
+        while gate < 0 and which < last:
+            which += 1
+            gate = next_gate(level, GATE_PASSES + which)
         if gate < 0:
-            gate = next_gate(level, SECOND_PASS)
-            if gate < 0:
-                return DONE
-        status = code_gate(coder, buffer, models, level, gate, may_wait)
+            return DONE
+        doubtful = DEEPLY_DOUBTFUL[min(which, last - 1)] if level.deep else DOUBTFUL
+        status = code_gate(coder, buffer, models, level, gate, doubtful if which < last else NEVER_DOUBTFUL)
         if status < 0:
             return status
     return DONE
 
 
 @merged_kernel
-def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: int, may_wait: bool) -> int:
-    """Code the face on the open side of a half-edge, or that there is none."""
+def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: int, doubtful: int) -> int:
+    """Code the face on the open side of a half-edge, or that there is none; beyond a sum of weights, leave it open."""
     fine = level.fine
     triangles = fine.triangles
     vertices = fine.vertices
@@ -90,10 +96,10 @@ def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: 
     count, below, uncovered = gather_apexes(
         level.candidates, level.coarse, fine, first, second, known_apex, number, UNBLOCKED
     )
-    best, total = score_candidates(
-        models.scores, level.geometric, level.candidates, count, fine.vertices, first, second, known_apex
-    )
-    if may_wait and total > DOUBTFUL:
+    best, total = 0, 0
+    if count > 0:
+        best, total = weigh(models, level, count, first, second, known_apex)
+    if total > doubtful:
         return DONE
     at_border = borders(fine, first, second)
     surroundings = (fine.parents[first] == fine.parents[second], below, uncovered, at_border)
@@ -105,16 +111,12 @@ def code_gate(coder: Coder, buffer: Buffer, models: Models, level: Level, gate: 
             return NOT_CLOSED
         has_face = 1
     elif count > 0:
-        has_face = code_gate_has_face(
-            coder, buffer, models, surroundings, count, int(level.candidates.corner[best]) // STATES, total, has_face
-        )
+        has_face = code_has_face(coder, buffer, models, level, surroundings, count, best, total, has_face)
     if has_face:
-        row = code_choice(coder, buffer, models, AT_GATE, level.candidates, count, best, total)
+        row = code_apex(coder, buffer, models, level, AT_GATE, count, best, total)
         if row < 0:
             return row
-        learn_scores(
-            models.scores, level.geometric, level.candidates, count, vertices, first, second, known_apex, row, total
-        )
+        learn(models, level, count, first, second, known_apex, row, total)
         add_face_at_gate(level, gate, row)
         return DONE
     if not level.clean:
@@ -140,20 +142,17 @@ def _code_blocked_apex(
     """Code a face whose apex is blocked, or that there is none; returns ADDED, DONE or a negative status."""
     first, second, known_apex = corners
     candidates = level.candidates
-    vertices = level.fine.vertices
     count, _, _ = gather_apexes(candidates, level.coarse, level.fine, first, second, known_apex, number, BLOCKED_ONLY)
     if count == 0:
         return DONE
-    best, total = score_candidates(
-        models.scores, level.geometric, candidates, count, vertices, first, second, known_apex
-    )
+    best, total = weigh(models, level, count, first, second, known_apex)
     has_face = 0
     if level.encoding and find_right(level.truth, candidates, count, first, second):
         has_face = 1
-    if not code_gate_has_face(coder, buffer, models, surroundings, count, CLOSINGS - 1, total, has_face):
+    if not code_has_face(coder, buffer, models, level, surroundings, count, best, total, has_face):
         return DONE
-    row = code_choice(coder, buffer, models, AT_EXTRA_FACE, candidates, count, best, total)
+    row = code_apex(coder, buffer, models, level, AT_EXTRA_FACE, count, best, total)
     if row < 0:
         return row
-    learn_scores(models.scores, level.geometric, candidates, count, vertices, first, second, known_apex, row, total)
+    learn(models, level, count, first, second, known_apex, row, total)
     return add_chosen_face(level, first, second, row)

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 FACES_DONE = 0
 ADDED = 1  # a face was added and there may be more
 NUMBER = 1  # of the last gate: marks of earlier gates are void
-FIRST_PASS = 2  # next half-edge that the first pass over the gates looks at
-SECOND_PASS = 3  # next half-edge that the second pass looks at
-EXTRA_PASS = 4  # next half-edge at which extra faces are asked for
-SEED = 5  # next coarse face that may lack a fine one
-LEFTOVER = 6  # next vertex at which leftover faces are asked for
-LEFTOVER_ENTRY = 7  # encoder: entry of that vertex in the index of true faces
-PROGRESS_SIZE = 8
+EXTRA_PASS = 2  # next half-edge at which extra faces are asked for
+SEED = 3  # next coarse face that may lack a fine one
+LEFTOVER = 4  # next vertex at which leftover faces are asked for
+LEFTOVER_ENTRY = 5  # encoder: entry of that vertex in the index of true faces
+GATE_PASSES = 6  # next half-edges that the passes over the gates look at
+MOST_GATE_PASSES = 9
+PROGRESS_SIZE = GATE_PASSES + MOST_GATE_PASSES
 
 NO_VERTEX = -1
 
@@ -59,6 +59,7 @@ class Level(NamedTuple):
         closed: announced: every gate has a face in its list.
         clean: announced: gates and seeds reach every face.
         geometric: whether the vertices' positions are known.
+        deep: whether candidates are weighed and asked for as at effort high; only where positions are known.
     """
 
     coarse: CoarseMesh
@@ -71,6 +72,7 @@ class Level(NamedTuple):
     closed: bool
     clean: bool
     geometric: bool
+    deep: bool
 
 
 @inlined_kernel

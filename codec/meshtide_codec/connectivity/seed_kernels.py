@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from meshtide_codec.connectivity.decision_kernels import Models
+    from meshtide_codec.connectivity.choice_kernels import Models
     from meshtide_codec.connectivity.level_kernels import Level
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
@@ -119,7 +119,7 @@ def _code_listed(coder: Coder, buffer: Buffer, models: Models, level: Level, cou
         total += int(candidates.weight[row])
         if candidates.weight[row] > candidates.weight[best]:
             best = row
-    row = code_choice(coder, buffer, models, AT_CORNER, candidates, count, best, total)
+    row = code_choice(coder, buffer, models.contexts, models.weights, AT_CORNER, candidates, count, best, total)
     return int(candidates.vertex[row]) if row >= 0 else row
 
 

@@ -1,7 +1,8 @@
 """The trained tables: what the coder expects before it knows anything about the mesh at hand.
 
 Two files, without and with positions, made by tools/train_connectivity.py: scores of candidates, and for each context
-how probable a one was in training and how often it was asked. They are part of the format: other tables, other streams.
+how probable a one was in training and how often it was asked. A third, made by tools/train_deep_connectivity.py, for
+faces that are coded deeply. They are part of the format: other tables, other streams.
 """
 
 from __future__ import annotations
@@ -12,19 +13,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.connectivity.decision_kernels import PAIRS, Models
-from meshtide_codec.connectivity.mixing_kernels import FIRST_WEIGHT
+from meshtide_codec.connectivity.models import copied, deep_models, default_models
+from meshtide_codec.entropy.deep_mixing_kernels import FAST_LIMIT
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from meshtide_codec.connectivity.choice_kernels import Models
 
 PRIOR_LIMIT = 8  # a context starts with at most this count, so that it still learns fast
 
 
-def new_models(*, geometric: bool) -> Models:
-    """Models for one level, as the training left them; the caller may change them."""
-    scores, contexts = _trained(geometric=geometric)
-    return Models(contexts.copy(), scores.copy(), new_pair_weights())
+DEEP_PRIOR_LIMIT = 20  # the same for contexts and scores of effort high
+
+
+def new_models(*, geometric: bool, deep: bool = False) -> Models:
+    """Models for one level, or for all levels of a stream if deep, as the training left them; the caller's own.
+
+    Deep models are for levels with positions.
+    """
+    return copied(_trained_deeply() if deep else _trained(geometric=geometric))
 
 
 def table_path(*, geometric: bool) -> Path:
@@ -32,16 +38,28 @@ def table_path(*, geometric: bool) -> Path:
     return Path(__file__).parent / "tables" / ("with_positions.npz" if geometric else "without_positions.npz")
 
 
-def new_pair_weights() -> NDArray[np.int32]:
-    """Equal weights for the two contexts of every sort of decision."""
-    return np.full(2 * PAIRS, FIRST_WEIGHT, np.int32)
+def deep_table_path() -> Path:
+    """Where the table of effort high lies."""
+    return Path(__file__).parent / "tables" / "deep.npz"
 
 
 @cache
-def _trained(*, geometric: bool) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Scores and contexts of one mode."""
+def _trained(*, geometric: bool) -> Models:
+    """The models of one mode."""
     with np.load(table_path(geometric=geometric)) as table:
         scores = table["scores"].astype(np.int32)
         probabilities = table["probabilities"].astype(np.int32)
         counts = np.minimum(table["counts"].astype(np.int32), PRIOR_LIMIT)
-    return scores, probabilities << 8 | counts
+    return default_models(probabilities << 8 | counts, scores)
+
+
+@cache
+def _trained_deeply() -> Models:
+    """The models of effort high."""
+    with np.load(deep_table_path()) as table:
+        arrays = {name: table[name].astype(np.int32) for name in table.files if name != "meshes"}
+    slow = arrays["probabilities"] << 8 | np.minimum(arrays["counts"], DEEP_PRIOR_LIMIT)
+    fast = arrays["probabilities"] << 8 | np.minimum(arrays["counts"], FAST_LIMIT)
+    mixer = (np.concatenate([slow, fast]), arrays["weights"], arrays["final_weights"], arrays["corrections"])
+    score_counts = np.minimum(arrays["score_counts"], DEEP_PRIOR_LIMIT)
+    return deep_models(_trained(geometric=True), arrays["scores"], score_counts, mixer)

@@ -24,8 +24,8 @@ from meshtide_codec.connectivity.truth_kernels import finish_face
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from meshtide_codec.connectivity.choice_kernels import Models
     from meshtide_codec.connectivity.coarse_kernels import CoarseMesh
-    from meshtide_codec.connectivity.decision_kernels import Models
     from meshtide_codec.connectivity.level_kernels import Level
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from meshtide_codec.reference.container import Stream
     from meshtide_codec.reference.decoder import Drawn
 
-DEEP_DIFFS, DEEP_MAPS = 1, 2
+DEEP_DIFFS, DEEP_MAPS, DEEP_FACES = 1, 2, 4
 
 
 def decode_compact(stream: Stream, number: int) -> Drawn:
@@ -81,7 +81,10 @@ def shape_of(stream: Stream) -> Shape:
 
 def _decode_levels(stream: Stream, packets: dict[Key, bytes], base_depth: int, mirror: Mirror | None) -> list[Level]:
     """The levels of all depths from 0 on, as far as the packets go."""
-    reliable = ReliableDecoder(stream.bits, mirror, deep_maps=bool(stream.options.get("e", 0) & DEEP_MAPS))
+    deep = stream.options.get("e", 0)
+    reliable = ReliableDecoder(
+        stream.bits, mirror, deep_maps=bool(deep & DEEP_MAPS), deep_faces=bool(deep & DEEP_FACES)
+    )
     base, map_conn = reliable.base, reliable.map_conn
     if stream.version < 3:
         base, map_conn = reliable.base_in_parts, reliable.map_conn_in_parts

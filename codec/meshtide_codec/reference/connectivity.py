@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MapConnError
-from meshtide_codec.reference.faces_choices import Choices
 from meshtide_codec.reference.faces_coarse import CoarseMesh
 from meshtide_codec.reference.faces_extra import ExtraFaces
 from meshtide_codec.reference.faces_gates import Gates
 from meshtide_codec.reference.faces_growth import Growth
 from meshtide_codec.reference.faces_spelt import SpeltFaces
-from meshtide_codec.reference.trained_states import connectivity_states
+from meshtide_codec.reference.faces_states import FaceStates
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.octree import Cell, Face
@@ -25,6 +24,7 @@ def decode_faces(
     coarse_count: int,
     face_count: int,
     positions: list[Cell] | None,
+    states: FaceStates | None = None,
 ) -> list[Face]:
     """The faces, each with its smallest corner first, in lexicographic order.
 
@@ -35,15 +35,15 @@ def decode_faces(
         coarse_count: its number of vertices.
         face_count: number of fine faces, announced.
         positions: centres of the fine vertices' cells in half cells; None in profile classic.
+        states: what earlier levels have left, where faces are coded deeply.
 
     Raises:
         MapConnError, PacketError: the faces are damaged.
     """
     if face_count == 0:
         return []
-    neurons, scores = connectivity_states(geometric=positions is not None)
     coarse = CoarseMesh(parents, coarse_faces, coarse_count)
-    growth = Growth(coarse, face_count, positions, scores, Choices(decoder, neurons))
+    growth = Growth(coarse, face_count, positions, states or FaceStates(geometric=positions is not None), decoder)
     _traverse(growth)
     faces = sorted(_rotated(face) for face in growth.fine.faces)
     if len(faces) != face_count or len(set(faces)) != face_count:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from meshtide_codec.reference.faces_mesh import BLOCKED, CLOSES_FIRST, CLOSES_SECOND, Marks
@@ -33,6 +33,7 @@ class Candidate:
         coarse_face: the coarse face below its face, or NOBODY.
         weight: how likely it is, against the others.
         refused: whether it has been asked for in vain.
+        places: of its properties, where faces are coded deeply.
     """
 
     vertex: int
@@ -42,6 +43,7 @@ class Candidate:
     coarse_face: int = NOBODY
     weight: int = 0
     refused: bool = False
+    places: list[int] = field(default_factory=list)
 
 
 class Gathering:

@@ -49,18 +49,18 @@ class Choices:
         return self._neurons.contexts.signed(self.decoder, OFFSET)
 
     def gate_has_face(
-        self, family: tuple[bool, int, int], at_border: int, candidates: int, closed: int, total: int
+        self, family: tuple[bool, int, int], at_border: int, candidates: list[Candidate], best: Candidate, total: int
     ) -> bool:
-        """Whether one of so many candidates is the apex of a face at a gate.
+        """Whether one of the candidates is the apex of a face at a gate.
 
         `family` tells whether both ends share their parent, the coarse faces at the edge below, and those of them not
-        accounted for; `at_border` how many ends lie at a border; `closed` how many edges the best candidate's face
-        would close (3: it is blocked); `total` the sum of the weights.
+        accounted for; `at_border` how many ends lie at a border; `total` the sum of the weights.
         """
         shared, below, uncovered = family
+        count, closed = len(candidates), best.corner // 3
         place = 0 if shared else 1 + min(below, 2) * 2 + (uncovered > 0)
-        one = ((place * 3 + at_border) * 4 + closed) * 4 + min(candidates - 1, 3)
-        other = (min(candidates - 1, 5) * 4 + min(3, total // 4096 - 1)) * 4 + closed
+        one = ((place * 3 + at_border) * 4 + closed) * 4 + min(count - 1, 3)
+        other = (min(count - 1, 5) * 4 + min(3, total // 4096 - 1)) * 4 + closed
         other = ((other * 2 + shared) * 2 + min(uncovered, 1)) * 3 + at_border
         pair = BLOCKED_GATE_PAIR if closed == BLOCKED else GATE_PAIR
         return bool(self._neurons.bit(self.decoder, pair, [GATE + one, GATE_CONFIDENCE + other], RATE, LIMIT))

@@ -41,10 +41,11 @@ class ExtraFaces:
         if growth.choices.adaptive_bit(EXTRA_DIRECTION + border):
             first, second = second, first
         ends = (first, second, fine.apex(self._half_edge))
-        candidates = Gathering(growth.coarse, fine, ends, fine.mark(first, second), EVERYTHING).candidates
+        marks = fine.mark(first, second)
+        candidates = Gathering(growth.coarse, fine, ends, marks, EVERYTHING).candidates
         if not candidates:
             raise MapConnError("an extra face has no candidates; the stream is damaged")
-        best, total = growth.scores.weigh(candidates, ends)
+        best, total = growth.scores.weigh(candidates, ends, marks)
         chosen = growth.choices.choose(AT_EXTRA_FACE, candidates, best, total)
         growth.add_anywhere(first, second, chosen.vertex)
         return True

@@ -6,37 +6,35 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MapConnError
 from meshtide_codec.reference.faces_candidates import BLOCKED_ONLY, UNBLOCKED, Gathering
-from meshtide_codec.reference.faces_choices import AT_EXTRA_FACE, AT_GATE, BLOCKED
+from meshtide_codec.reference.faces_choices import AT_EXTRA_FACE, AT_GATE
 from meshtide_codec.reference.faces_mesh import BORDER, EXTRA, OPEN
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.faces_growth import Growth
     from meshtide_codec.reference.faces_mesh import Marks
 
-DOUBTFUL = 10240  # sum of weights beyond which a gate waits for the second pass
 Ends = tuple[int, int, int]
 
 
 class Gates:
-    """Two passes over the half-edges in the order of their numbers."""
+    """Passes over the half-edges in the order of their numbers: two, or more where faces are coded deeply."""
 
     def __init__(self, growth: Growth) -> None:
         self._growth = growth
-        self._first_pass = self._second_pass = 0
+        self._passes = [0] * (len(growth.scores.waits) + 1)
 
     def decode(self) -> None:
         """Ask gates until none is left or all faces are known."""
+        waits = [*self._growth.scores.waits, None]
         while not self._growth.complete:
-            gate = self._first_pass = self._next_open(self._first_pass)
-            if gate < len(self._growth.fine.twins):
-                self._first_pass += 1
-                self._ask(gate, may_wait=True)
-                continue
-            gate = self._second_pass = self._next_open(self._second_pass)
-            if gate == len(self._growth.fine.twins):
+            for number, most in enumerate(waits):
+                gate = self._passes[number] = self._next_open(self._passes[number])
+                if gate < len(self._growth.fine.twins):
+                    self._passes[number] += 1
+                    self._ask(gate, most)
+                    break
+            else:
                 return
-            self._second_pass += 1
-            self._ask(gate, may_wait=False)
 
     def _next_open(self, half_edge: int) -> int:
         twins = self._growth.fine.twins
@@ -44,8 +42,8 @@ class Gates:
             half_edge += 1
         return half_edge
 
-    def _ask(self, gate: int, *, may_wait: bool) -> None:
-        """Decode the face on the open side of a half-edge, or that there is none."""
+    def _ask(self, gate: int, most: int | None) -> None:
+        """Decode the face on the open side of a half-edge, or that there is none; beyond `most` weight it waits."""
         growth, fine = self._growth, self._growth.fine
         ends = (fine.end(gate), fine.start(gate), fine.apex(gate))
         marks = fine.mark(ends[0], ends[1])
@@ -57,12 +55,11 @@ class Gates:
             raise MapConnError("a gate of a level announced as closed has no candidates; the stream is damaged")
         family = (self._shared(ends), found.below, found.uncovered)
         if found.candidates:
-            best, total = growth.scores.weigh(found.candidates, ends)
-            if may_wait and total > DOUBTFUL:
+            best, total = growth.scores.weigh(found.candidates, ends, marks)
+            if most is not None and total > most:
                 return
             at_border = growth.borders(ends[0], ends[1])
-            count = len(found.candidates)
-            if growth.closed or growth.choices.gate_has_face(family, at_border, count, best.corner // 3, total):
+            if growth.closed or growth.choices.gate_has_face(family, at_border, found.candidates, best, total):
                 chosen = growth.choices.choose(AT_GATE, found.candidates, best, total)
                 growth.scores.learn(found.candidates, ends, chosen, total)
                 growth.add_at_gate(gate, chosen, marks)
@@ -78,9 +75,9 @@ class Gates:
         candidates = Gathering(growth.coarse, growth.fine, ends, marks, BLOCKED_ONLY).candidates
         if not candidates:
             return False
-        best, total = growth.scores.weigh(candidates, ends)
+        best, total = growth.scores.weigh(candidates, ends, marks)
         at_border = growth.borders(ends[0], ends[1])
-        if not growth.choices.gate_has_face(family, at_border, len(candidates), BLOCKED, total):
+        if not growth.choices.gate_has_face(family, at_border, candidates, best, total):
             return False
         chosen = growth.choices.choose(AT_EXTRA_FACE, candidates, best, total)
         growth.scores.learn(candidates, ends, chosen, total)

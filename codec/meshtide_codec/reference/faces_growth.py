@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MapConnError
 from meshtide_codec.reference.faces_mesh import CLOSES_FIRST, CLOSES_SECOND, FineMesh, Marks
-from meshtide_codec.reference.faces_scores import Scores
 from meshtide_codec.reference.faces_shapes import Shapes
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.faces_candidates import Candidate
-    from meshtide_codec.reference.faces_choices import Choices
     from meshtide_codec.reference.faces_coarse import CoarseMesh
+    from meshtide_codec.reference.faces_states import FaceStates
     from meshtide_codec.reference.octree import Cell
+    from meshtide_codec.reference.range_decoder import RangeDecoder
 
 
 class Growth:
@@ -23,8 +23,8 @@ class Growth:
         coarse: the coarse level.
         face_count: number of fine faces, announced.
         positions: of the fine vertices in half cells, or None.
-        scores: of candidates, as trained.
-        choices: where decisions come from.
+        states: scores and neurons.
+        decoder: where decisions come from.
     """
 
     def __init__(
@@ -32,16 +32,17 @@ class Growth:
         coarse: CoarseMesh,
         face_count: int,
         positions: list[Cell] | None,
-        scores: list[int],
-        choices: Choices,
+        states: FaceStates,
+        decoder: RangeDecoder,
     ) -> None:
         self.coarse = coarse
-        self.fine = FineMesh(len(coarse.parents), None if positions is None else Shapes(positions))
-        self.scores = Scores(scores, self.fine)
-        self.choices = choices
+        shapes = None if positions is None else Shapes(positions)
+        self.fine = FineMesh(len(coarse.parents), shapes)
+        self.scores = states.scores_of(coarse, self.fine)
+        self.choices = states.choices_from(decoder)
         self._face_count = face_count
-        self.closed = bool(choices.decoder.raw_bits(1))
-        self.clean = bool(choices.decoder.raw_bits(1))
+        self.closed = bool(decoder.raw_bits(1))
+        self.clean = bool(decoder.raw_bits(1))
         self._copy_faces()
 
     @property

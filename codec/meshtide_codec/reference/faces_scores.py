@@ -10,7 +10,7 @@ from meshtide_codec.reference.faces_shapes import angle_class, bend_class, lengt
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.faces_candidates import Candidate
-    from meshtide_codec.reference.faces_mesh import FineMesh
+    from meshtide_codec.reference.faces_mesh import FineMesh, Marks
     from meshtide_codec.reference.faces_shapes import Shapes
 
 # Where the scores of each property begin.
@@ -43,13 +43,18 @@ class Scores:
     Args:
         scores: as trained.
         fine: the fine mesh, whose `shapes` are None without positions.
+
+    Attributes:
+        waits: for each pass over the gates but the last, the sum of weights beyond which a gate waits.
     """
+
+    waits: tuple[int, ...] = (10240,)
 
     def __init__(self, scores: list[int], fine: FineMesh) -> None:
         self._scores = scores
         self._fine = fine
 
-    def weigh(self, candidates: list[Candidate], ends: tuple[int, int, int]) -> tuple[Candidate, int]:
+    def weigh(self, candidates: list[Candidate], ends: tuple[int, int, int], _marks: Marks) -> tuple[Candidate, int]:
         """Set the weights of one or more candidates at a gate; returns the best one and the sum of the weights."""
         if len(candidates) == 1:
             candidates[0].weight = FULL_WEIGHT

@@ -43,10 +43,18 @@ class Shapes:
     def __init__(self, positions: list[tuple[int, int, int]]) -> None:
         self._positions = [(float(x), float(y), float(z)) for x, y, z in positions]
 
+    def point(self, vertex: int) -> Vector:
+        """Where a vertex is."""
+        return self._positions[vertex]
+
     def squared(self, one: int, other: int) -> float:
         """Squared distance of two vertices."""
-        a, b = self._positions[one], self._positions[other]
-        x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+        return self.squared_to(one, self._positions[other])
+
+    def squared_to(self, vertex: int, point: Vector) -> float:
+        """Squared distance of a vertex from a point."""
+        a = self._positions[vertex]
+        x, y, z = a[0] - point[0], a[1] - point[1], a[2] - point[2]
         return x * x + y * y + z * z
 
     def angles(self, first: int, second: int, apex: int) -> tuple[int, int, int]:

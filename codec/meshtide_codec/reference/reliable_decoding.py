@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.reference.connectivity import decode_faces
 from meshtide_codec.reference.container import split_parts
+from meshtide_codec.reference.faces_states import DeepFaceStates
 from meshtide_codec.reference.map_decoding import RATE, decode_map
 from meshtide_codec.reference.map_deep_decisions import INPUTS
 from meshtide_codec.reference.models import SIGNED_CONTEXTS, Contexts
@@ -19,12 +20,13 @@ if TYPE_CHECKING:
 
 
 class ReliableDecoder:
-    """Base and Map&Conn, coarse to fine; the states of the Maps are carried along."""
+    """Base and Map&Conn, coarse to fine; states are carried along: those of the Maps, and of faces coded deeply."""
 
-    def __init__(self, bits: int, mirror: Mirror | None, *, deep_maps: bool = False) -> None:
+    def __init__(self, bits: int, mirror: Mirror | None, *, deep_maps: bool = False, deep_faces: bool = False) -> None:
         self._bits = bits
         self._mirror = mirror
         self._neurons = deep_neurons("map", INPUTS, RATE) if deep_maps else geometry_neurons("map")
+        self._face_states = DeepFaceStates() if deep_faces else None
 
     def base(self, payload: bytes, base_depth: int, vertices: int) -> list[Level]:
         """The levels of the depths 0 to `base_depth`."""
@@ -41,7 +43,7 @@ class ReliableDecoder:
                 continue
             fine = self._map(decoder, levels[-1])
             face_count = 2 * len(fine) + counts.signed(decoder, 0)
-            levels.append(_with_faces(fine, decoder, levels[-1], face_count))
+            levels.append(self._with_faces(fine, decoder, levels[-1], face_count))
         return levels
 
     def base_in_parts(self, payload: bytes, base_depth: int, vertices: int) -> list[Level]:
@@ -64,7 +66,7 @@ class ReliableDecoder:
     def map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
         """The level of the next depth."""
         with RangeDecoder(payload) as decoder:
-            return _with_faces(self._map(decoder, coarse), decoder, coarse, face_count)
+            return self._with_faces(self._map(decoder, coarse), decoder, coarse, face_count)
 
     def map_conn_in_parts(self, payload: bytes, coarse: Level, face_count: int) -> Level:
         """The level of the next depth, before version 3."""
@@ -75,14 +77,14 @@ class ReliableDecoder:
         with RangeDecoder(map_part) as decoder:
             fine = self._map(decoder, coarse)
         with RangeDecoder(face_part) as decoder:
-            return _with_faces(fine, decoder, coarse, face_count)
+            return self._with_faces(fine, decoder, coarse, face_count)
 
     def _map(self, decoder: RangeDecoder, coarse: Level) -> Level:
         images = self._mirror.images(coarse) if self._mirror else None
         return decode_map(decoder, coarse, self._bits, self._neurons, images)
 
-
-def _with_faces(fine: Level, decoder: RangeDecoder, coarse: Level, face_count: int) -> Level:
-    centres = [fine.centre(vertex) for vertex in range(len(fine))]
-    fine.set_faces(decode_faces(decoder, fine.parents, coarse.faces, len(coarse), face_count, centres))
-    return fine
+    def _with_faces(self, fine: Level, decoder: RangeDecoder, coarse: Level, face_count: int) -> Level:
+        centres = [fine.centre(vertex) for vertex in range(len(fine))]
+        arguments = fine.parents, coarse.faces, len(coarse), face_count, centres
+        fine.set_faces(decode_faces(decoder, *arguments, self._face_states))
+        return fine

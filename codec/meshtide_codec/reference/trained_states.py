@@ -15,6 +15,9 @@ GEOMETRY_INPUTS = 6
 PRIOR_LIMIT = 8
 PAIRS = 14
 FIRST_PAIR_WEIGHT = 9216
+DEEP_FACE_RATE = 18
+DEEP_PRIOR_LIMIT = 20
+FAST_PRIOR_LIMIT = 12
 PACKAGE = resources.files("meshtide_codec")
 
 
@@ -41,6 +44,18 @@ def connectivity_states(*, geometric: bool) -> tuple[Neurons, list[int]]:
     counts = [min(count, PRIOR_LIMIT) for count in tables["counts"]]
     neurons = Neurons(Contexts(tables["probabilities"], counts), [FIRST_PAIR_WEIGHT] * 2 * PAIRS, inputs=2)
     return neurons, list(tables["scores"])
+
+
+def deep_connectivity_states(inputs: int) -> tuple[list[int], list[int], DeepNeurons]:
+    """Scores of candidates, their counts, and what else the coder of faces learns at effort high."""
+    tables = _tables("connectivity/tables/deep.npz")
+    slow = [min(count, DEEP_PRIOR_LIMIT) for count in tables["counts"]]
+    fast = [min(count, FAST_PRIOR_LIMIT) for count in tables["counts"]]
+    contexts = Contexts(2 * tables["probabilities"], slow + fast)
+    neurons = DeepNeurons(
+        contexts, tables["weights"], tables["final_weights"], tables["corrections"], inputs, DEEP_FACE_RATE
+    )
+    return tables["scores"], [min(count, DEEP_PRIOR_LIMIT) for count in tables["score_counts"]], neurons
 
 
 @functools.cache
