@@ -37,7 +37,6 @@ def hosting(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> I
     """A server of the mesh "vase", of DATA, which lies in the S3 server."""
     for name, value in (("AWS_ENDPOINT_URL", endpoint), ("AWS_ACCESS_KEY_ID", "any"), ("AWS_SECRET_ACCESS_KEY", "any")):
         monkeypatch.setenv(name, value)
-    monkeypatch.setattr("meshtide_server.store.s3.RETRY_SECONDS", 0)
     settings = Settings.model_validate(
         {
             "store": f"s3://{BUCKET}",
@@ -49,10 +48,13 @@ def hosting(tmp_path: Path, endpoint: str, monkeypatch: pytest.MonkeyPatch) -> I
 
     async def put() -> None:
         catalogue = await Catalogue.open(settings.database_url)
-        await publish(open_store(settings.store_url), catalogue, DATA, Publication("vase", "vase.ply"))
-        await catalogue.close()
+        try:
+            await publish(open_store(settings.store_url), catalogue, DATA, Publication("vase", "vase.ply"))
+        finally:
+            await catalogue.close()
 
     asyncio.run(put())
+    monkeypatch.setattr("meshtide_server.store.s3.RETRY_SECONDS", 2)
     with running(settings) as server:
         yield server
 
