@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from meshtide_codec.compact import diff_high_context_kernels, diff_kernels, map_deep_layout, map_layout
+from meshtide_codec.compact import diff_deep_context_kernels, diff_kernels, map_deep_layout, map_layout
 from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
 from meshtide_codec.compact.map_coder import encode_map
 from meshtide_codec.compact.mirror import Mirror
@@ -70,9 +70,9 @@ def test_states_fit_the_coders(models: Models, contexts: int, neurons: int) -> N
     ("models", "layout"),
     [
         (new_deep_map_models(), map_deep_layout),
-        (new_deep_diff_models(), diff_high_context_kernels),
+        (new_deep_diff_models(), diff_deep_context_kernels),
         (untrained_deep_map_models(), map_deep_layout),
-        (untrained_deep_diff_models(), diff_high_context_kernels),
+        (untrained_deep_diff_models(), diff_deep_context_kernels),
     ],
 )
 def test_deep_states_fit_the_coders(models: DeepModels, layout: ModuleType) -> None:

@@ -4,7 +4,7 @@ The Diffs of a slice are bit planes: each builds on the slice's earlier ones and
 else. A neighbour in another slice is known by its leaf cell's centre only, whatever has arrived of it. When a Diff is
 missing, the vertices stay at the centre of what is known, and the slice's later Diffs cannot be decoded until it
 arrives; all other packets can. Model states are carried along from Diff to Diff of a slice. The format of the payload
-is `diff_kernels.code_diff` over the range coder, or `diff_high_kernels.code_diff_high` where Diffs are coded deeply.
+is `diff_kernels.code_diff` over the range coder, or `diff_deep_kernels.code_diff_deeply` where Diffs are coded deeply.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.compact import diff_high_kernels, diff_kernels
+from meshtide_codec.compact import diff_deep_kernels, diff_kernels
 from meshtide_codec.compact import diff_prediction_kernels as prediction
 from meshtide_codec.compact.diff_row_kernels import fill_rows
 from meshtide_codec.compact.mirror_kernels import find_partners
@@ -258,7 +258,7 @@ class _BitPlane:
             axis, plane = self.mirror.axis, self.mirror.plane(level.depth)
             self._find_partners(rows, outcomes, partners, axis, plane)
         if isinstance(models, DeepModels):
-            diff_high_kernels.code_diff_high(
+            diff_deep_kernels.code_diff_deeply(
                 coder,
                 buffer,
                 models.mixer,

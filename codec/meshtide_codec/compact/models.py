@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from meshtide_codec.compact import diff_high_context_kernels, diff_kernels, map_deep_layout, map_layout
+from meshtide_codec.compact import diff_deep_context_kernels, diff_kernels, map_deep_layout, map_layout
 from meshtide_codec.entropy.deep_mixing_kernels import new_corrections, new_deep_weights
 from meshtide_codec.entropy.mixing_kernels import new_weights
 from meshtide_codec.entropy.model_kernels import new_contexts
@@ -103,7 +103,7 @@ def untrained_deep_map_models() -> DeepModels:
 
 def untrained_deep_diff_models() -> DeepModels:
     """Even chances and equal weights for the Diff coder at effort high: where training begins."""
-    layout = diff_high_context_kernels
+    layout = diff_deep_context_kernels
     return DeepModels(
         new_contexts(2 * layout.CONTEXTS),
         new_deep_weights(layout.NEURONS, layout.INPUTS, 2 * layout.HEARD_CONTEXTS, UNTRAINED_TRUST),

@@ -1,7 +1,7 @@
-"""The Diff coder at effort high: the walk and the predictions of `diff_kernels`, and more of both.
+"""The Diff coder where Diffs are coded deeply: the walk and the predictions of `diff_kernels`, and more of both.
 
 To the predictions of effort default come a quadratic surface through two rings and the midpoints of all pairs of
-neighbours; each decision is mixed deeply (`entropy.deep_mixing_kernels`) from what `diff_high_context_kernels` says.
+neighbours; each decision is mixed deeply (`entropy.deep_mixing_kernels`) from what `diff_deep_context_kernels` says.
 O(two rings) per vertex.
 """
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.compact import diff_high_context_kernels as high
+from meshtide_codec.compact import diff_deep_context_kernels as deep
 from meshtide_codec.compact import diff_kernels as default
 from meshtide_codec.compact import diff_prediction_kernels as prediction
 from meshtide_codec.compact import surface_fit_kernels as fit
@@ -41,7 +41,7 @@ _SLANT = 0.15
 
 
 @kernel
-def code_diff_high(
+def code_diff_deeply(
     coder: Coder,
     buffer: Buffer,
     mixer: Mixer,
@@ -58,7 +58,7 @@ def code_diff_high(
     partners: NDArray[np.int32],
     outcomes: NDArray[np.uint8],
 ) -> None:
-    """`diff_kernels.code_diff` at effort high; `ages` (len(owners),): depths since each became a leaf, from 1."""
+    """`diff_kernels.code_diff`, deeply; `ages` (len(owners),): depths since each became a leaf, from 1."""
     scratch = (
         np.zeros((RING_LIMIT, 4)),  # offsets
         np.zeros((fit.PATCH_LIMIT, 4)),  # patch
@@ -66,13 +66,13 @@ def code_diff_high(
         np.zeros(fit.TERMS),  # solution
         np.zeros(3),  # surface
         np.zeros(3),  # moved
-        np.zeros(high.PREDICTIONS),
-        np.zeros(high.CLASSES, np.int64),
-        np.zeros(high.HEARD_CONTEXTS, np.int64),  # places
-        np.zeros(high.HEARD_CONTEXTS, np.int64),  # signs
-        np.zeros(high.INPUTS, np.int32),
-        np.zeros(high.CHOICES, np.int64),  # neurons
-        np.zeros(high.CHOICES, np.int32),  # outputs
+        np.zeros(deep.PREDICTIONS),
+        np.zeros(deep.CLASSES, np.int64),
+        np.zeros(deep.HEARD_CONTEXTS, np.int64),  # places
+        np.zeros(deep.HEARD_CONTEXTS, np.int64),  # signs
+        np.zeros(deep.INPUTS, np.int32),
+        np.zeros(deep.CHOICES, np.int64),  # neurons
+        np.zeros(deep.CHOICES, np.int32),  # outputs
     )
     predictions, classes, moved = scratch[6], scratch[7], scratch[5]
     stamps = np.full(len(rows), -1, np.int32)
@@ -80,7 +80,7 @@ def code_diff_high(
     prediction.set_laplacians(rows, begin, end, rings[0], rings[1])
     for index in range(len(owners)):
         vertex = owners[index]
-        classes[high.AGE] = min(ages[index], 8) - 1
+        classes[deep.AGE] = min(ages[index], 8) - 1
         height = _predict(vertex, rows, rings, across, stamps, surface_errors, scratch)
         partner = -1
         if mirror_axis >= 0:
@@ -116,20 +116,20 @@ def _predict(
     prediction.guess_in_ring(askable, turned, offsets, predictions, classes)
     prediction.guess_midpoints(askable, turned, offsets, predictions, classes)
     prediction.guess_across(vertex, askable, rows, across, first, offsets, predictions, classes)
-    high.guess_pairs(count, offsets, predictions, classes)
+    deep.guess_pairs(count, offsets, predictions, classes)
     size = fit.gather_patch(vertex, count, rows, starts, members, stamps, patch)
-    classes[high.VALENCE] = min(count, 15)
+    classes[deep.VALENCE] = min(count, 15)
     for axis in range(3):
         below = above = 0
         for place in range(size):
             below += patch[place, axis] == -1.0
             above += patch[place, axis] == 1.0
-        classes[high.FAR_BELOW + axis] = below
-        classes[high.FAR_ABOVE + axis] = above
+        classes[deep.FAR_BELOW + axis] = below
+        classes[deep.FAR_ABOVE + axis] = above
     normal = predictions[prediction.NORMAL : prediction.NORMAL + 3]
     height = 0.0
     surface[:] = 0.0
-    classes[high.QUADRIC_CLASS] = prediction.ERROR_CLASSES - 1
+    classes[deep.QUADRIC_CLASS] = prediction.ERROR_CLASSES - 1
     if normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] > 0.0:
         error = _OWN_SHARE * _OWN_SCALE * rows[vertex, prediction.ERROR]
         weight = _OWN_SHARE
@@ -142,13 +142,13 @@ def _predict(
                 error += neighbour_error
                 weight += 1.0
         height = fit.fit_surface(size, length / count, normal, patch, matrix, solution, surface)
-        classes[high.QUADRIC_CLASS] = min(prediction.error_class(error / weight), prediction.ERROR_CLASSES - 2)
+        classes[deep.QUADRIC_CLASS] = min(prediction.error_class(error / weight), prediction.ERROR_CLASSES - 2)
     along = height
     for axis in range(3):
         along -= surface[axis] * predictions[prediction.SMOOTHED + axis]
     for axis in range(3):
-        predictions[high.SURFACE + axis] = surface[axis]
-        predictions[high.QUADRIC + axis] = predictions[prediction.SMOOTHED + axis] + along * surface[axis]
+        predictions[deep.SURFACE + axis] = surface[axis]
+        predictions[deep.QUADRIC + axis] = predictions[prediction.SMOOTHED + axis] + along * surface[axis]
     return height
 
 
@@ -169,12 +169,12 @@ def _code_vertex(
     for order in range(3):
         axis = classes[prediction.AXES + order]
         plane = default.plane_offset(axis, predictions, carried)
-        quadric = predictions[high.QUADRIC + axis]
+        quadric = predictions[deep.QUADRIC + axis]
         quadric -= carried_surface * surface[axis] / (surface[axis] * surface[axis] + _SLANT)
         default.set_contexts(axis, plane, predictions, classes, mirror_axis, places, signs)
-        high.set_high_contexts(axis, quadric, predictions, classes, places, signs)
-        high.set_numbers(axis, plane, quadric, predictions, inputs)
-        high.choose_neurons(order, axis, predictions, classes, neurons)
+        deep.set_deep_contexts(axis, quadric, predictions, classes, places, signs)
+        deep.set_numbers(axis, plane, quadric, predictions, inputs)
+        deep.choose_neurons(order, axis, predictions, classes, neurons)
         middle = row[axis]
         given = 1 if 2 * target[axis] + 1 > middle else 0
         bit = code_deep_bit(
@@ -182,8 +182,8 @@ def _code_vertex(
             buffer,
             mixer,
             neurons,
-            order * 8 + classes[high.AGE],
-            classes[high.QUADRIC_CLASS],
+            order * 8 + classes[deep.AGE],
+            classes[deep.QUADRIC_CLASS],
             places,
             signs,
             inputs,
@@ -194,7 +194,7 @@ def _code_vertex(
         step = 2.0 * bit - 1.0
         error += abs(step - predictions[prediction.SMOOTHED + axis])
         carried += (step - predictions[prediction.PLANE + axis]) * predictions[prediction.NORMAL + axis]
-        carried_surface += (step - predictions[high.QUADRIC + axis]) * surface[axis]
+        carried_surface += (step - predictions[deep.QUADRIC + axis]) * surface[axis]
         moved[axis] = step
         target[axis] = (int(middle) + (1 if bit else -1)) >> 1
     missed = -height

@@ -92,7 +92,7 @@ def alignment(classes: Classes, axis: int, sign: int) -> int:
 
 
 @borrowing_kernel
-def set_high_contexts(
+def set_deep_contexts(
     axis: int, quadric: float, predictions: Predictions, classes: Classes, places: Opinions, signs: Opinions
 ) -> None:
     """Fill `places` and `signs` of the contexts that effort high adds, for the decision along `axis`."""
