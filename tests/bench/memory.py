@@ -1,4 +1,4 @@
-"""Peak memory of decoding: python tests/bench/memory.py [--vertices 1000000] [--profile compact].
+"""Peak memory of decoding: python tests/bench/memory.py [--vertices 1000000] [--effort high].
 
 A stream is encoded here and decoded in a process of its own, whose peak resident size is read from the operating
 system (Linux); what an interpreter takes that has only loaded the decoder and its kernels is printed beside it.
@@ -37,6 +37,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--vertices", type=int, default=1_000_000)
     parser.add_argument("--profile", choices=PROFILES, default="compact")
+    parser.add_argument("--effort", help="of profile compact: default or high")
     arguments = parser.parse_args()
     from large_meshes import wavy_torus
 
@@ -44,9 +45,8 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "torus.tide"
-        path.write_bytes(
-            encode(wavy_torus(arguments.vertices), profile_options(arguments.profile, 16, {}, {})).to_bytes()
-        )
+        options = profile_options(arguments.profile, 16, {"effort": arguments.effort}, {})
+        path.write_bytes(encode(wavy_torus(arguments.vertices), options).to_bytes())
         output = subprocess.run(
             [sys.executable, "-c", DECODE, str(path)], stdout=subprocess.PIPE, text=True, check=True
         )

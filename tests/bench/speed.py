@@ -1,4 +1,4 @@
-"""Time of encoding and decoding in both profiles: python tests/bench/speed.py [--sizes 10000 100000 1000000].
+"""Time of encoding and decoding in both profiles: python tests/bench/speed.py [--effort default --effort high].
 
 Process time of this thread after one warming run, over several runs: minimum, median, maximum, in seconds; and
 microseconds per vertex, which stay the same where the cost grows linearly.
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 from large_meshes import wavy_torus
 
 from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
@@ -48,7 +49,7 @@ def report(name: str, mesh: Mesh, options: ClassicOptions | CompactOptions, runs
     for kind, seconds in (("encode", encoding), ("decode", decoding)):
         middle = statistics.median(seconds)
         print(
-            f"{name:16} {vertices:8} vertices {kind} {seconds[0]:7.3f} {middle:7.3f} {seconds[-1]:7.3f} s"
+            f"{name:22} {vertices:8} vertices {kind} {seconds[0]:7.3f} {middle:7.3f} {seconds[-1]:7.3f} s"
             f" {1e6 * middle / vertices:6.2f} us/vertex"
         )
 
@@ -59,15 +60,19 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="*", default=[10_000, 100_000, 1_000_000])
     parser.add_argument("--degree", type=int, default=3)
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--effort", type=Effort, action="append", choices=list(Effort), help="may be repeated")
     arguments = parser.parse_args()
     spec = FilterSpec("polynomial", degree=arguments.degree)
     bunny = load_sample("stanford-bunny")
     report("bunny classic", bunny, ClassicOptions(filter=spec), arguments.runs)
-    report("bunny compact", bunny, CompactOptions(), arguments.runs)
+    efforts = arguments.effort or [Effort.DEFAULT]
+    for effort in efforts:
+        report(f"bunny compact {effort}", bunny, CompactOptions(effort=effort), arguments.runs)
     for size in arguments.sizes:
         torus = wavy_torus(size)  # at 16 bits, since at 12 a million vertices would weld
         report("torus classic", torus, ClassicOptions(bits=16, filter=spec), arguments.runs)
-        report("torus compact", torus, CompactOptions(bits=16), arguments.runs)
+        for effort in efforts:
+            report(f"torus compact {effort}", torus, CompactOptions(bits=16, effort=effort), arguments.runs)
 
 
 if __name__ == "__main__":
