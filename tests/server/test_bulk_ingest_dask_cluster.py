@@ -20,12 +20,17 @@ from meshtide_server.bulk_ingest.bulk_ingest import BulkIngest
 from meshtide_server.bulk_ingest.dask_cluster import DaskCluster
 from meshtide_server.bulk_ingest.encode_file import FileOutcome
 
-from .test_bulk_ingest_encode_file import task_for
+from .test_bulk_ingest_encode_file import box_of, task_for
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dask_cluster import RunningCluster
+
+
+def expected_outcome(file: Path) -> FileOutcome:
+    stream = expected_stream(file)
+    return FileOutcome(stream, box_of(stream))
 
 
 @pytest.fixture(name="cluster")
@@ -61,11 +66,11 @@ async def test_workers_that_do_not_see_a_file_are_sent_it_and_a_cluster_that_goe
     here = [Path("scans") / file.name for file in files]  # the workers work in another folder
     dask = await DaskCluster.connect(cluster.address, 3.0)
     try:
-        assert await dask.encode(task_for(files[0])) == FileOutcome(expected_stream(files[0]))
+        assert await dask.encode(task_for(files[0])) == expected_outcome(files[0])
         assert not dask._send_contents
         monkeypatch.setattr(module, "CONTENT_BYTES", 10)  # less than one file: one goes after the other
         for file in here[1:]:
-            assert await dask.encode(task_for(file)) == FileOutcome(expected_stream(file))
+            assert await dask.encode(task_for(file)) == expected_outcome(file)
         assert dask._send_contents
         assert dask._sent == 0
         task = task_for(here[0])
