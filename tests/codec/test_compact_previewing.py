@@ -44,7 +44,7 @@ def test_corners_of_a_previews_grid_are_those_of_the_meshs() -> None:
 
 
 def test_previews_open_the_stream_and_show_the_mesh_better_than_its_first_levels() -> None:
-    encoded = encode(grid(64), CompactOptions(previews=(256, 64)))
+    encoded = encode(grid(64), CompactOptions(previews=(256, 32)))
     rows = encoded.header.levels
     kinds = [entry.kind for entry in encoded.header.packets]
     assert kinds[0] is PacketKind.PREVIEW
