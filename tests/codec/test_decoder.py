@@ -182,7 +182,8 @@ def test_the_header_tells_the_distance_of_each_level() -> None:
     assert all(row.maximum >= row.rms for row in encoded.header.levels)
     coarsest = encoded.header.levels[0]
     cell = 2.0 ** (encoded.header.options["shifts"][-1]) / (2**8 - 1)
-    assert coarsest.maximum * grid(16).diagonal <= cell * encoded.header.extent * 3**0.5 / 2 + 1e-6
+    largest = cell * encoded.header.extent * 3**0.5 / 2
+    assert coarsest.maximum * grid(16).diagonal <= 1.25 * largest  # a maximum is stored at most 1/4 too large
 
 
 def test_decoding_a_coarser_level_needs_only_its_packets() -> None:
