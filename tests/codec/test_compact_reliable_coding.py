@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -130,6 +131,36 @@ def test_any_bytes_decode_or_raise_from_the_tree(payload: bytes) -> None:
             attempt()
         except MeshtideError as error:
             assert isinstance(error, BaseError | MapConnError | LimitError)
+
+
+@pytest.mark.parametrize("deep", [DeepLayers.NONE, DeepLayers.ALL])
+def test_a_payload_that_was_damaged_may_come_again(deep: DeepLayers) -> None:
+    writing = ReliableCoder(BITS, COUNT, None, deep=deep)
+    base = writing.encode_base(OCTREE, 3)
+    payload = writing.encode_map_conn(OCTREE.levels[3], OCTREE.levels[4])
+    faces = OCTREE.levels[4].faces
+    assert faces is not None
+    reading = ReliableCoder(BITS, COUNT, None, deep=deep)
+    refused = 0
+    for place in range(len(base)):
+        try:
+            ReliableCoder(BITS, COUNT, None, deep=deep).decode_base(base[:place], 3, Limits(faces=5000))
+        except StreamError:
+            refused += 1
+            with pytest.raises(StreamError):
+                reading.decode_base(base[:place], 3, Limits(faces=5000))
+    coarse = reading.decode_base(base, 3, Limits(faces=5000))[-1]
+    for place in range(len(payload)):
+        damaged = payload[:place] + b"\xff\x00\xff" + payload[place + 1 :]
+        state = copy.deepcopy(reading)
+        try:
+            state.decode_map_conn(damaged, coarse, len(faces))
+        except StreamError:
+            refused += 1
+            fine = state.decode_map_conn(payload, coarse, len(faces))
+            assert np.array_equal(fine.faces, faces)  # type: ignore[arg-type]
+            assert np.array_equal(fine.cells, OCTREE.levels[4].cells)
+    assert refused > len(payload)
 
 
 def test_every_cut_and_every_flipped_bit_is_survived() -> None:

@@ -14,6 +14,7 @@ of the depth before, the Map, and the centres of the cells. Nothing here depends
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,13 +24,16 @@ from meshtide_codec.compact.level import root_level
 from meshtide_codec.compact.map_coder import decode_map, read_map, write_map
 from meshtide_codec.compact.models import new_deep_map_models, new_map_models
 from meshtide_codec.connectivity import decode_faces, new_models, read_faces, write_faces
+from meshtide_codec.connectivity.models import copied
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.entropy.model_kernels import SIGNED_CONTEXTS, code_signed, new_contexts
-from meshtide_codec.errors import BaseError, MapConnError
+from meshtide_codec.errors import BaseError, MapConnError, StreamError
 from meshtide_codec.stream.parts import read_number, split_parts
 from meshtide_codec.stream.plain_values import BadValueError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from meshtide_codec.compact.level import Level
     from meshtide_codec.compact.mirror import Mirror
     from meshtide_codec.compact.octree import Octree
@@ -96,13 +100,14 @@ class ReliableCoder:
             BaseError, MapConnError: the payload is damaged.
             LimitError: a level over the limits.
         """
-        if self._in_parts:
-            return self._decode_base_in_parts(payload, base_depth, limits)
-        reader = PayloadReader(payload)
-        levels = self.read_base(reader, base_depth, limits)
-        if not reader.finished:
-            raise BaseError("bytes follow the last face; the stream is damaged", offset=reader.offset)
-        return levels
+        with self._forgetting_damage():
+            if self._in_parts:
+                return self._decode_base_in_parts(payload, base_depth, limits)
+            reader = PayloadReader(payload)
+            levels = self.read_base(reader, base_depth, limits)
+            if not reader.finished:
+                raise BaseError("bytes follow the last face; the stream is damaged", offset=reader.offset)
+            return levels
 
     def read_base(self, reader: PayloadReader, base_depth: int, limits: Limits) -> list[Level]:
         """Like `decode_base`, from a payload that may hold more.
@@ -140,6 +145,10 @@ class ReliableCoder:
         Raises:
             MapConnError: the payload is damaged.
         """
+        with self._forgetting_damage():
+            return self._decode_map_conn(payload, coarse, face_count)
+
+    def _decode_map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
         if self._in_parts:
             try:
                 map_payload, face_payload = split_parts(payload, 2)
@@ -152,6 +161,17 @@ class ReliableCoder:
         if not reader.finished:
             raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
         return fine
+
+    @contextmanager
+    def _forgetting_damage(self) -> Iterator[None]:
+        """What the models learn from a payload that turns out to be damaged is forgotten: it may come again, whole."""
+        models, face_models = self._models.copy(), None if self._face_models is None else copied(self._face_models)
+        map_bytes = self.map_bytes
+        try:
+            yield
+        except StreamError:
+            self._models, self._face_models, self.map_bytes = models, face_models, map_bytes
+            raise
 
     def _read_map(self, reader: PayloadReader, coarse: Level) -> Level:
         before = reader.offset
