@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from meshtide_codec.connectivity import decision_high_kernels as deep
+from meshtide_codec.connectivity import decision_deep_kernels as deep
 from meshtide_codec.connectivity import new_models, read_faces, write_faces
 from meshtide_codec.connectivity.models import adopt, copied, is_deep, untrained_deep_models
-from meshtide_codec.connectivity.property_high_kernels import PLACES
+from meshtide_codec.connectivity.property_deep_kernels import PLACES
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import MapConnError, MeshError
 

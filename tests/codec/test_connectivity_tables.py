@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshtide_codec.connectivity import decision_high_kernels as deep
-from meshtide_codec.connectivity import score_high_kernels
+from meshtide_codec.connectivity import decision_deep_kernels as deep
+from meshtide_codec.connectivity import score_deep_kernels
 from meshtide_codec.connectivity import shape_kernels as shapes
 from meshtide_codec.connectivity.decision_kernels import CONTEXTS, ODDS_CLASS, ODDS_CLASSES
-from meshtide_codec.connectivity.property_high_kernels import PLACES
-from meshtide_codec.connectivity.score_high_kernels import SCORE_LIMIT
+from meshtide_codec.connectivity.property_deep_kernels import PLACES
+from meshtide_codec.connectivity.score_deep_kernels import SCORE_LIMIT
 from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT, LOWEST_WEIGHT, SCORES, WEIGHTS
 from meshtide_codec.connectivity.tables import DEEP_PRIOR_LIMIT, PRIOR_LIMIT, deep_table_path, new_models, table_path
 from meshtide_codec.entropy.deep_mixing_kernels import CORRECTION_STEPS, FAST_LIMIT, WEIGHT_LIMIT
@@ -61,10 +61,10 @@ def test_deep_models_begin_as_the_table_says() -> None:
 
 
 def test_deep_weights_fall_by_a_factor_e_every_64_steps_and_never_to_zero() -> None:
-    weights = score_high_kernels.WEIGHTS
+    weights = score_deep_kernels.WEIGHTS
     assert weights[[0, 64, 128, 1023]].tolist() == [1 << 20, 385750, 141909, 1]
     assert np.all(np.diff(weights) <= 0)
-    assert score_high_kernels.RATES[[0, 16, 255]].tolist() == [655 + 9830, 655 + 4915, 655 + 580]
+    assert score_deep_kernels.RATES[[0, 16, 255]].tolist() == [655 + 9830, 655 + 4915, 655 + 580]
 
 
 def test_models_are_the_callers_own() -> None:

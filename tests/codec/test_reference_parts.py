@@ -11,7 +11,7 @@ import pytest
 
 from meshtide_codec.compact import quantizers, ring_kernels
 from meshtide_codec.compact.cell_table_kernels import ABSENT, build_cell_table, find_cell
-from meshtide_codec.connectivity import new_models, read_faces, score_high_kernels, score_kernels, shape_kernels
+from meshtide_codec.connectivity import new_models, read_faces, score_deep_kernels, score_kernels, shape_kernels
 from meshtide_codec.connectivity.codec import encode_with
 from meshtide_codec.entropy import codec, mixing_kernels, model_kernels, range_coder_kernels
 from meshtide_codec.errors import PacketError
@@ -29,8 +29,8 @@ def test_tables_are_the_same() -> None:
     assert mixing_kernels.STRETCH.tolist() == mixing.STRETCH
     assert mixing_kernels.SQUASH.tolist() == mixing.SQUASH
     assert score_kernels.WEIGHTS.tolist() == faces_scores.WEIGHTS
-    assert score_high_kernels.WEIGHTS.tolist() == faces_deep.WEIGHTS
-    assert score_high_kernels.RATES.tolist() == faces_deep.RATES
+    assert score_deep_kernels.WEIGHTS.tolist() == faces_deep.WEIGHTS
+    assert score_deep_kernels.RATES.tolist() == faces_deep.RATES
     assert shape_kernels.ANGLE_CLASSES.tolist() == faces_shapes.ANGLE_CLASSES
     assert shape_kernels.LENGTH_CLASSES.tolist() == faces_shapes.LENGTH_CLASSES
     steps = [index / quantizers.STEPS for index in range(quantizers.LOGARITHM_ENTRIES)]

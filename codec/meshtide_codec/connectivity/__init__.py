@@ -31,8 +31,8 @@ consecutive. A coarse vertex with several children is *split*.
    Its other corners are chosen from a list of vertices around it, or given by their distance in the vertex order.
 
 At effort high, steps 2 and 3 ask the same questions but expect the answers with more knowledge (`choice_kernels` is
-where the two part): more properties of each candidate (`property_high_kernels`), finer scores (`score_high_kernels`)
-and deep mixing (`decision_high_kernels`). Gates then wait for up to nine passes, the surest first, and what is learnt
+where the two part): more properties of each candidate (`property_deep_kernels`), finer scores (`score_deep_kernels`)
+and deep mixing (`decision_deep_kernels`). Gates then wait for up to nine passes, the surest first, and what is learnt
 is kept from level to level.
 
 After every face that steps 3 to 5 add, the traversal goes back to step 2. It ends when all faces are known.

@@ -1,7 +1,7 @@
 """How candidates are weighed and asked for: by a few contexts, or, where faces are coded deeply, by many.
 
 The traversal is the same for both; this is where they part. Scores and questions of effort default are in
-`score_kernels` and `decision_kernels`, those of effort high in `score_high_kernels` and `decision_high_kernels`.
+`score_kernels` and `decision_kernels`, those of effort high in `score_deep_kernels` and `decision_deep_kernels`.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from meshtide_codec.compilation import merged_kernel
 from meshtide_codec.connectivity.candidate_kernels import STATES
-from meshtide_codec.connectivity.decision_high_kernels import code_choice_deeply, code_gate_has_face_deeply
+from meshtide_codec.connectivity.decision_deep_kernels import code_choice_deeply, code_gate_has_face_deeply
 from meshtide_codec.connectivity.decision_kernels import code_choice, code_gate_has_face
-from meshtide_codec.connectivity.score_high_kernels import learn_choice, weigh_candidates
+from meshtide_codec.connectivity.score_deep_kernels import learn_choice, weigh_candidates
 from meshtide_codec.connectivity.score_kernels import learn_scores, score_candidates
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from meshtide_codec.connectivity.decision_high_kernels import Questions
+    from meshtide_codec.connectivity.decision_deep_kernels import Questions
     from meshtide_codec.connectivity.level_kernels import Level
-    from meshtide_codec.connectivity.score_high_kernels import Scores
+    from meshtide_codec.connectivity.score_deep_kernels import Scores
     from meshtide_codec.entropy.mixing_kernels import Weights
     from meshtide_codec.entropy.model_kernels import Contexts
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder

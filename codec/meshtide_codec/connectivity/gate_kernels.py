@@ -26,7 +26,7 @@ from meshtide_codec.connectivity.level_kernels import (
     add_face_at_gate,
     next_number,
 )
-from meshtide_codec.connectivity.score_high_kernels import FULL_WEIGHT as FULL_DEEP_WEIGHT
+from meshtide_codec.connectivity.score_deep_kernels import FULL_WEIGHT as FULL_DEEP_WEIGHT
 from meshtide_codec.connectivity.score_kernels import FULL_WEIGHT
 from meshtide_codec.connectivity.truth_kernels import find_right
 

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.connectivity import decision_high_kernels as deep
+from meshtide_codec.connectivity import decision_deep_kernels as deep
 from meshtide_codec.connectivity.candidate_kernels import CAPACITY
 from meshtide_codec.connectivity.choice_kernels import Models
-from meshtide_codec.connectivity.decision_high_kernels import Questions
+from meshtide_codec.connectivity.decision_deep_kernels import Questions
 from meshtide_codec.connectivity.decision_kernels import PAIRS
 from meshtide_codec.connectivity.mixing_kernels import FIRST_WEIGHT
-from meshtide_codec.connectivity.property_high_kernels import PLACES, PROPERTIES
-from meshtide_codec.connectivity.score_high_kernels import Scores
+from meshtide_codec.connectivity.property_deep_kernels import PLACES, PROPERTIES
+from meshtide_codec.connectivity.score_deep_kernels import Scores
 from meshtide_codec.entropy.deep_mixing_kernels import WEIGHT_ONE, new_corrections, new_deep_weights
 from meshtide_codec.entropy.model_kernels import new_contexts
 

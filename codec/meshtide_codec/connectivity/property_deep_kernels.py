@@ -1,4 +1,4 @@
-"""Properties of the candidates at a gate, at effort high: nineteen for each, as places in one table.
+"""Properties of the candidates at a gate, where faces are coded deeply: nineteen for each, as places in one table.
 
 Besides what `score_kernels` looks at: the angles at the gate's ends, how the face would bend at the edges that it
 closes, whether the families of its corners still lack faces, whether another candidate lies in the smallest sphere

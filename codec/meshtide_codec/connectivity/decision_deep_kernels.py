@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from meshtide_codec.compilation import borrowing_kernel, inlined_kernel
 from meshtide_codec.connectivity.candidate_kernels import CLOSINGS, CORNERS, KINDS, STATES
 from meshtide_codec.connectivity.decision_kernels import MAXIMUM_QUESTIONS, code_place, next_best
-from meshtide_codec.connectivity.property_high_kernels import PLACES, PROPERTIES
+from meshtide_codec.connectivity.property_deep_kernels import PLACES, PROPERTIES
 from meshtide_codec.entropy.deep_mixing_kernels import HEARD, code_deep_bit
 from meshtide_codec.entropy.mixing_kernels import STRETCH, STRETCH_LIMIT
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.connectivity.candidate_kernels import Candidates
-    from meshtide_codec.connectivity.score_high_kernels import Scores
+    from meshtide_codec.connectivity.score_deep_kernels import Scores
     from meshtide_codec.entropy.deep_mixing_kernels import Inputs, Mixer
     from meshtide_codec.entropy.mixing_kernels import Opinions
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.connectivity import score_high_kernels as kernels
+from meshtide_codec.connectivity import score_deep_kernels as kernels
 from meshtide_codec.connectivity.coarse_kernels import build_coarse_mesh
 from meshtide_codec.connectivity.codec import new_level
-from meshtide_codec.connectivity.property_high_kernels import PLACES, PROPERTIES
+from meshtide_codec.connectivity.property_deep_kernels import PLACES, PROPERTIES
 from meshtide_codec.connectivity.truth_kernels import empty_truth
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""How likely each candidate is, at effort high: as in `score_kernels`, with more properties and finer scores.
+"""How likely each candidate is, where faces are coded deeply: as in `score_kernels`, with more and finer scores.
 
 A score counts SCORE_ONE per nat. Every choice moves the scores of all candidates by what it had of surprise, those that
 have moved seldom more than those that have moved often: a logistic regression by stochastic gradient descent.
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from meshtide_codec.compilation import borrowing_kernel
-from meshtide_codec.connectivity.property_high_kernels import PROPERTIES, measure_candidates
+from meshtide_codec.connectivity.property_deep_kernels import PROPERTIES, measure_candidates
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from meshtide_codec.connectivity import half_edge_kernels as half_edges
-from meshtide_codec.connectivity import property_high_kernels as kernels
+from meshtide_codec.connectivity import property_deep_kernels as kernels
 from meshtide_codec.connectivity.candidate_kernels import CORNERS, SIBLING, new_candidates
 from meshtide_codec.connectivity.coarse_kernels import build_coarse_mesh
 from meshtide_codec.connectivity.half_edge_kernels import FineMesh
