@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from meshes import grid, tetrahedron
 from meshtide_codec.errors import MeshFileError
@@ -151,6 +153,11 @@ HOSTILE: dict[str, tuple[str, bytes, str]] = {
         glb(document(bufferViews=[{"extensions": {"EXT_meshopt_compression": {"count": 1 << 40}}}])),
         "compressed by EXT_meshopt_compression",
     ),
+    "GLB, a mode that is a list": (
+        "a.glb",
+        glb(document(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "mode": [5]}]}])),
+        "mode .* not a number from 0 on",
+    ),
     "GLB, huge JSON": ("a.glb", glb(b'{"a":"' + b"x" * LARGEST_JSON + b'"}'), "bytes of JSON"),
     "GLB, deep JSON": ("a.glb", glb(b"[" * 200_000), "cannot be read"),
     "GLB, JSON that is a list": ("a.glb", glb(b"[]"), "not an object"),
@@ -212,3 +219,41 @@ def test_other_ways_to_write_a_good_file_pass(tmp_path: Path, name: str, data: b
     path.write_bytes(data)
     check_upload(path, LIMITS)
     assert len(load_mesh(path).faces) == faces
+
+
+def places_in(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """The way to each value within JSON."""
+    inner: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [path, *(place for key, item in inner for place in places_in(item, (*path, key)))]
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-5, 1 << 40) | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["mode", "uri", "mesh"]), inner),
+    max_leaves=4,
+)
+
+
+@given(st.data())
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_value_anywhere_in_a_glb_file_is_taken_or_refused_with_a_reason(
+    tmp_path: Path, data: st.DataObject
+) -> None:
+    primitive = {"attributes": {"POSITION": 0, "NORMAL": 0}, "indices": 0, "mode": 4, "extensions": {}}
+    whole = document(
+        meshes=[{"primitives": [primitive]}],
+        nodes=[{"mesh": 0, "children": [1]}, {"mesh": 0}],
+        images=[{"uri": "data:,"}],
+        extensionsUsed=["KHR_mesh_quantization"],
+    )
+    *way, last = data.draw(st.sampled_from(places_in(whole)[1:]))
+    place: Any = whole
+    for key in way:
+        place = place[key]
+    place[last] = data.draw(JSON)
+    path = tmp_path / "any.glb"
+    path.write_bytes(glb(whole))
+    try:
+        check_upload(path, LIMITS)
+    except MeshFileError as error:
+        assert str(error)

@@ -140,7 +140,7 @@ def _mesh_counts(mesh: dict[str, Any], counts: list[int]) -> tuple[int, int]:
         positions = _element_count(counts, _count(attributes, "POSITION", len(counts)))
         corners = _element_count(counts, _count(primitive, "indices")) if "indices" in primitive else positions
         vertices += positions
-        strip = primitive.get("mode", 4) in {5, 6}
+        strip = _count(primitive, "mode", 4) in {5, 6}
         faces += max(0, corners - 2) if strip else corners // _CORNERS
     return vertices, faces
 

@@ -32,6 +32,7 @@ _QUIET_SECONDS = 20.0
 _JOBS_SECONDS = 120.0
 _JOB_METRICS = ("meshtide_jobs_waiting ", "meshtide_jobs_running ")
 _FAULTS = ("Traceback", "a fault of the server", "ERROR", "CRITICAL")
+_LINES_OF_A_FAULT = 40
 
 
 @dataclass
@@ -89,7 +90,8 @@ class WatchedServer:
         if left:
             self.problems.append(f"{len(left)} files are left behind, such as {left[0]}")
         lines = self.log.read_text(errors="replace").splitlines()
-        self.problems += [line for line in lines if any(fault in line for fault in _FAULTS)][:10]
+        faults = [place for place, line in enumerate(lines) if any(fault in line for fault in _FAULTS)]
+        self.problems += ["\n".join(lines[place : place + _LINES_OF_A_FAULT]) for place in faults[:10]]
         return {"memory_growth": memory, "descriptor_growth": descriptors}
 
     def _settle(self, descriptors: int) -> None:
