@@ -1,4 +1,5 @@
 import asyncio
+from pathlib import Path
 
 import pytest
 from sqlalchemy import inspect
@@ -42,6 +43,19 @@ async def test_servers_that_start_together_migrate_once(database_url: str) -> No
     assert [len((await each.meshes.list(MeshQuery())).meshes) for each in catalogues] == [1] * 6
     for each in catalogues:
         await each.close()
+
+
+async def test_many_servers_make_a_new_sqlite_file_at_once(tmp_path: Path) -> None:
+    """Each switches it to a write-ahead log, which SQLite refuses while another one does."""
+    for turn in range(12):
+        address = f"sqlite:///{tmp_path}/{turn}.db"
+        for catalogue in await asyncio.gather(*(Catalogue.open(address) for _ in range(8))):
+            await catalogue.close()
+        database = Database(address)
+        async with database.reading() as connection:
+            mode = (await connection.exec_driver_sql("PRAGMA journal_mode")).scalar()
+        await database.close()
+        assert mode == "wal"
 
 
 async def test_a_newer_schema_is_refused(database_url: str) -> None:

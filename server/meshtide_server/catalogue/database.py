@@ -7,7 +7,10 @@ take the write lock at once, so that none fails in the middle. PostgreSQL: as it
 
 from __future__ import annotations
 
+import asyncio
 import re
+import sqlite3
+import time
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +20,7 @@ from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.ext.asyncio import create_async_engine
+from sqlalchemy.util import await_only
 
 from meshtide_codec.errors import OptionError
 from meshtide_server.catalogue.errors import DatabaseUnavailableError
@@ -29,6 +33,7 @@ if TYPE_CHECKING:
     from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 BUSY_MILLISECONDS = 30_000
+_BUSY_PAUSE = 0.01  # seconds
 """How long one SQLite transaction waits for another one to end."""
 POOL_SIZE = 5
 POOL_OVERFLOW = 10
@@ -150,10 +155,27 @@ def _set_up_sqlite(connection: Any, _: object) -> None:  # noqa: ANN401 - the dr
     connection.create_function("lower", 1, _lower, deterministic=True)
     cursor = connection.cursor()
     cursor.execute(f"PRAGMA busy_timeout = {BUSY_MILLISECONDS}")
-    cursor.execute("PRAGMA journal_mode = WAL")
+    _write_ahead(cursor)
     cursor.execute("PRAGMA synchronous = FULL")
     cursor.execute("PRAGMA foreign_keys = ON")
     cursor.close()
+
+
+def _write_ahead(cursor: Any) -> None:  # noqa: ANN401 - the driver's own type
+    """Switch to a write-ahead log; where others do so too, SQLite is busy at once, whatever timeout it is given.
+
+    It is called where SQLAlchemy waits for the driver, so it may wait too.
+    """
+    deadline = time.monotonic() + BUSY_MILLISECONDS / 1000.0
+    while True:
+        try:
+            cursor.execute("PRAGMA journal_mode = WAL")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > deadline:
+                raise
+            await_only(asyncio.sleep(_BUSY_PAUSE))
+        else:
+            return
 
 
 def _lower(text: str | None) -> str | None:
