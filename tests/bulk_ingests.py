@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from meshes import grid
 from meshtide_codec.command_options import profile_options
 from meshtide_codec.encoder import encode
-from meshtide_codec.files import load_mesh, save_mesh
+from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_server.catalogue import Catalogue, MeshQuery, MeshRecord
 from meshtide_server.store import stream_key
 from meshtide_server.store.opening import open_store

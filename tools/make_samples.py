@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 
 SAMPLES = Path(__file__).parent.parent / "codec" / "meshtide_codec" / "samples"
 

@@ -31,7 +31,7 @@ from meshtide_codec.compact.models import (
     untrained_deep_map_models,
 )
 from meshtide_codec.compact.slices import Slices
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 
 if TYPE_CHECKING:
     from collections.abc import Callable

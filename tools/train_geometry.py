@@ -24,8 +24,8 @@ from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.compact.models import Models, untrained_diff_models, untrained_map_models
 from meshtide_codec.compact.octree import Octree, build_octree
 from meshtide_codec.compact.slices import Slices
-from meshtide_codec.files import load_mesh
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.quantize import quantize
 
 ROUNDS = 4

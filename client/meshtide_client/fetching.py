@@ -20,7 +20,8 @@ from meshtide_client.partial_file import PartialFile
 from meshtide_client.streaming import Reception
 from meshtide_client.tide_address import parse_address
 from meshtide_codec.errors import MeshFileError, OptionError
-from meshtide_codec.files import MESH_SUFFIXES, is_mesh_path, save_mesh
+from meshtide_codec.mesh_files import is_mesh_path, save_mesh
+from meshtide_codec.mesh_files.formats import SUFFIXES as MESH_SUFFIXES
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 from meshtide_codec.errors import OptionError
-from meshtide_codec.files import is_mesh_path
+from meshtide_codec.mesh_files import is_mesh_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

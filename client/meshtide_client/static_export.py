@@ -27,7 +27,8 @@ from meshtide_client.partial_file import PartialFile
 from meshtide_client.tide_address import SUFFIX, parse_address
 from meshtide_client.transport import Link
 from meshtide_codec.errors import MeshFileError, OptionError
-from meshtide_codec.files import is_mesh_path, write_atomically
+from meshtide_codec.mesh_files import is_mesh_path
+from meshtide_codec.output_files import write_atomically
 from meshtide_codec.stream import plain_values
 from meshtide_codec.stream.container import ContainerReader
 from meshtide_codec.stream.session import Until
@@ -142,7 +143,7 @@ def _is_exportable(file: Path) -> bool:
 
 def _encoded(path: Path, options: CompactOptions | ClassicOptions | None) -> bytes:
     from meshtide_codec.encoder import encode  # noqa: PLC0415 - heavy
-    from meshtide_codec.files import load_mesh  # noqa: PLC0415 - the same
+    from meshtide_codec.mesh_files import load_mesh  # noqa: PLC0415 - the same
 
     return encode(load_mesh(path), options).to_bytes()
 

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from meshtide_codec.decoder import Decoder, LevelUpdate, decode
     from meshtide_codec.encoder import EncodedMesh, encode
     from meshtide_codec.errors import MeshtideError
-    from meshtide_codec.files import load_mesh, save_mesh
     from meshtide_codec.filters import FilterSpec
     from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
+    from meshtide_codec.mesh_files import load_mesh, save_mesh
     from meshtide_codec.quantize import QuantizedMesh
     from meshtide_codec.samples import load_sample, sample_names
     from meshtide_codec.stream.container import ContainerReader, read_available, read_container
@@ -47,12 +47,12 @@ _HOMES = {
     "StreamHeader": "stream.header",
     "decode": "decoder",
     "encode": "encoder",
-    "load_mesh": "files",
+    "load_mesh": "mesh_files",
     "load_sample": "samples",
     "read_available": "stream.container",
     "read_container": "stream.container",
     "sample_names": "samples",
-    "save_mesh": "files",
+    "save_mesh": "mesh_files",
 }
 
 __all__ = [

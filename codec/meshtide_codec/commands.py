@@ -86,7 +86,8 @@ def encode(
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.command_options import profile_options
     from meshtide_codec.encoder import encode as encode_mesh
-    from meshtide_codec.files import load_mesh, write_atomically
+    from meshtide_codec.mesh_files import load_mesh
+    from meshtide_codec.output_files import write_atomically
 
     options = profile_options(
         profile,
@@ -152,7 +153,7 @@ def decode(
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.decoder import Decoder
     from meshtide_codec.errors import OptionError
-    from meshtide_codec.files import save_mesh
+    from meshtide_codec.mesh_files import save_mesh
     from meshtide_codec.permutation import in_input_order
     from meshtide_codec.stream.container import read_available
 

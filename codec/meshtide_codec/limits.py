@@ -1,10 +1,10 @@
-"""What a decoder is willing to take from a stranger: every count, length and allocation is held against these."""
+"""What decoders and readers take from a stranger: every count, length and allocation is held against these."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from meshtide_codec.errors import LimitError, OptionError
+from meshtide_codec.errors import LimitError, MeshFileError, OptionError
 
 DECODER_BYTES_PER_VERTEX = 640
 DECODER_BYTES_PER_FACE = 256
@@ -58,3 +58,49 @@ class Limits:
                 f"decoding would take about {memory} bytes; this decoder accepts {self.memory} (Limits.memory)",
                 level=level,
             )
+
+
+@dataclass(frozen=True, slots=True)
+class FileLimits:
+    """Largest claims of a mesh file that a reader accepts.
+
+    Args:
+        vertices: vertices that reading it makes, those of a part that is shown several times counted each time.
+        faces: triangles, in the same way.
+        file_bytes: length of the file, of each file that it names, and of what an archive holds.
+        json_bytes: length of a glTF file's JSON; a megabyte describes thousands of parts.
+        remedy: what to change where more is wanted; ``{name}`` and ``{setting}`` stand for the name of the
+            limit, in lower and in upper case.
+
+    >>> FileLimits(vertices=100, faces=200).check_counts(50, 300)
+    Traceback (most recent call last):
+    ...
+    meshtide_codec.errors.MeshFileError: the file claims 300 faces; 200 are the most that is read (FileLimits.faces)
+    """
+
+    vertices: int = 1 << 26
+    faces: int = 1 << 27
+    file_bytes: int = 1 << 32
+    json_bytes: int = 1 << 26
+    remedy: str = "FileLimits.{name}"
+
+    def check_counts(self, vertices: int, faces: int) -> None:
+        """Hold what a file claims against the limits, before any of it is made.
+
+        Raises:
+            MeshFileError: it is more.
+        """
+        self.check("vertices", vertices)
+        self.check("faces", faces)
+
+    def check(self, name: str, claimed: int) -> None:
+        """Hold one number against the limit of that name.
+
+        Raises:
+            MeshFileError: it is more.
+        """
+        most: int = getattr(self, name)
+        if claimed > most:
+            what = name if name in {"vertices", "faces"} else "bytes"
+            remedy = self.remedy.format(name=name, setting=name.upper())
+            raise MeshFileError(f"the file claims {claimed} {what}; {most} are the most that is read ({remedy})")

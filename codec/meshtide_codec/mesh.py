@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from meshtide_codec.attributes import Domain
 from meshtide_codec.errors import MeshError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
+
+    from meshtide_codec.attributes import Attribute
 
 Index = TypeVar("Index", bound=np.signedinteger)
 
@@ -22,15 +27,29 @@ class Mesh:
     Args:
         vertices: (n, 3) float64 positions, in the unit of the file they came from.
         faces: (m, 3) int64 indices into `vertices`, counter-clockwise seen from outside.
+        attributes: values of vertices, corners or faces.
+        materials: (m,) int64, the material of each face as an index into those of its scene, -1 for none; or None.
+        polygons: (m, 3) bool, whether the edge from corner i to the next one is inside of a polygon of more than three
+            corners, whose triangles stand one after the other; None where all faces are triangles by themselves.
 
     Use `Mesh.checked` for arrays from outside; the bare constructor trusts its caller.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
+    attributes: tuple[Attribute, ...] = ()
+    materials: NDArray[np.int64] | None = None
+    polygons: NDArray[np.bool_] | None = None
 
     @classmethod
-    def checked(cls, vertices: ArrayLike, faces: ArrayLike) -> Mesh:
+    def checked(
+        cls,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        attributes: Sequence[Attribute] = (),
+        materials: NDArray[np.int64] | None = None,
+        polygons: NDArray[np.bool_] | None = None,
+    ) -> Mesh:
         """A mesh from array-likes of any numeric type.
 
         Raises:
@@ -66,7 +85,13 @@ class Mesh:
             row = face_array[bad_rows[0]]
             index = next(int(i) for i in row if not 0 <= i < len(vertex_array))
             raise MeshError(f"face {bad_rows[0]} names vertex {index}; the mesh has {len(vertex_array)} vertices")
-        return cls(vertex_array, face_array)
+        for attribute in attributes:
+            attribute.check(len(vertex_array), len(face_array))
+        if materials is not None and materials.shape != (len(face_array),):
+            raise MeshError(f"materials must have shape ({len(face_array)},), not {materials.shape}")
+        if polygons is not None and polygons.shape != face_array.shape:
+            raise MeshError(f"polygons must have shape {face_array.shape}, not {polygons.shape}")
+        return cls(vertex_array, face_array, tuple(attributes), materials, polygons)
 
     @property
     def diagonal(self) -> float:
@@ -81,9 +106,102 @@ class Mesh:
         """
         used = np.zeros(len(self.vertices), bool)
         used[self.faces] = True
-        if used.all() or not used.any():
-            return self
-        return Mesh(self.vertices[used], (np.cumsum(used) - 1)[self.faces])
+        return self if used.all() or not used.any() else self.with_vertices(used)
+
+    def with_vertices(self, kept: NDArray[np.bool_]) -> Mesh:
+        """The mesh of the vertices in the mask `kept` (n,), among which are all that faces use."""
+        attributes = tuple(one.of_elements(kept) if one.domain is Domain.VERTEX else one for one in self.attributes)
+        faces = (np.cumsum(kept) - 1)[self.faces]
+        return replace(self, vertices=self.vertices[kept], faces=faces, attributes=attributes)
+
+    def with_faces(self, kept: NDArray[np.bool_]) -> Mesh:
+        """The mesh of the faces in the mask `kept` (m,); all vertices stay."""
+        return replace(
+            self,
+            faces=self.faces[kept],
+            attributes=tuple(one if one.domain is Domain.VERTEX else one.of_elements(kept) for one in self.attributes),
+            materials=None if self.materials is None else self.materials[kept],
+            polygons=None if self.polygons is None else self.polygons[kept],
+        )
+
+    def reversed(self) -> Mesh:
+        """The mesh with each face turned round: its first corner stays, the other two change places.
+
+        >>> Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).reversed().faces.tolist()
+        [[0, 2, 1]]
+        """
+        turned = [0, 2, 1]
+        attributes = tuple(
+            one if one.domain is not Domain.CORNER else replace(one, indices=one.rows().reshape(-1, 3)[:, turned])
+            for one in self.attributes
+        )
+        polygons = None if self.polygons is None else self.polygons[:, [2, 1, 0]]
+        return replace(self, faces=self.faces[:, turned], attributes=attributes, polygons=polygons)
+
+    def polygons_as_lists(self) -> list[list[int]]:
+        """The faces as polygons: of each its vertices in order, without the edges that `polygons` marks.
+
+        A polygon begins at the first corner of its first triangle that is no inner edge's start. Cost: O(m log m).
+
+        >>> square = Mesh.checked(
+        ...     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
+        ...     [[0, 1, 2], [0, 2, 3]],
+        ...     polygons=np.array([[False, False, True], [True, False, False]]),
+        ... )
+        >>> square.polygons_as_lists()
+        [[0, 1, 2, 3]]
+        """
+        if self.polygons is None:
+            lists: list[list[int]] = self.faces.tolist()
+            return lists
+        return [self.faces.reshape(-1)[outline].tolist() for outline in self.polygon_corners()]
+
+    def polygon_corners(self) -> list[list[int]]:
+        """The same as corners, 3 face + place, to look values of corners up by."""
+        following, first = self._outlines()
+        outlines = []
+        for start in first:
+            outline = [start]
+            while (corner := following[outline[-1]]) != start:
+                outline.append(corner)
+            outlines.append(outline)
+        return outlines
+
+    def _outlines(self) -> tuple[list[int], list[int]]:
+        """The corner after each corner on its polygon's outline, and of each polygon the first corner."""
+        count = 3 * len(self.faces)
+        corners = np.arange(count)
+        after = corners - corners % 3 + (corners + 1) % 3
+        inner = np.zeros(count, bool) if self.polygons is None else self.polygons.reshape(-1)
+        marked = np.flatnonzero(inner)
+        tail, head = self.faces.reshape(-1)[marked], self.faces.reshape(-1)[after[marked]]
+        # The two sides of an inner edge are neighbours in this order: a polygon's triangles stand together.
+        order = np.lexsort((marked, np.maximum(tail, head), np.minimum(tail, head)))
+        left, right = order[0::2][: len(order) // 2], order[1::2]
+        paired = (tail[left] == head[right]) & (head[left] == tail[right])
+        left, right = left[paired], right[paired]
+        twin = np.full(count, -1)
+        twin[marked[left]], twin[marked[right]] = marked[right], marked[left]
+        following = after.copy()
+        crossing = np.flatnonzero(twin[following] >= 0)  # the next edge is inner: go on around the vertex beyond it
+        for _ in range(len(marked) + 1):
+            if len(crossing) == 0:
+                break
+            following[crossing] = after[twin[following[crossing]]]
+            crossing = crossing[twin[following[crossing]] >= 0]
+        else:
+            raise MeshError("polygons marks all edges around a vertex; a polygon has none inside")
+        first = []
+        seen = np.zeros(count, bool)
+        follow: list[int] = following.tolist()
+        for corner in np.flatnonzero(twin < 0).tolist():
+            if not seen[corner]:
+                first.append(corner)
+                walker = corner
+                while not seen[walker]:
+                    seen[walker] = True
+                    walker = follow[walker]
+        return follow, first
 
     def __repr__(self) -> str:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"

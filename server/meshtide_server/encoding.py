@@ -136,7 +136,7 @@ def _encode(job: dict[str, Any], reporter: Reporter) -> tuple[bytes, list[list[f
 
 def _load(job: dict[str, Any]) -> Mesh:
     from meshtide_codec.errors import MeshFileError  # noqa: PLC0415 - with the rest of the codec
-    from meshtide_codec.files import load_mesh  # noqa: PLC0415 - the same
+    from meshtide_codec.mesh_files import load_mesh  # noqa: PLC0415 - the same
     from meshtide_codec.samples import load_sample  # noqa: PLC0415 - the same
     from meshtide_server.stream_cache import file_digest  # noqa: PLC0415 - the same
     from meshtide_server.upload_checks import UploadLimits, check_upload  # noqa: PLC0415 - the same
@@ -154,7 +154,7 @@ def _load(job: dict[str, Any]) -> Mesh:
 
 def _store(data: bytes, targets: list[Path]) -> tuple[Path | None, list[str]]:
     """Write `data` to the first target that takes it; returns it, and why the others did not."""
-    from meshtide_codec.files import write_atomically  # noqa: PLC0415 - loads trimesh's module late
+    from meshtide_codec.output_files import write_atomically  # noqa: PLC0415 - loads trimesh's module late
 
     problems: list[str] = []
     for target in targets:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from meshtide_codec.errors import MeshtideError
-from meshtide_codec.files import is_mesh_path
+from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_codec.samples import sample_names
 from meshtide_server import metrics
 from meshtide_server.block_cache import BlockCache

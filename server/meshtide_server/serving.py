@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from meshtide_codec.errors import TransferError
-from meshtide_codec.files import write_atomically
+from meshtide_codec.output_files import write_atomically
 from meshtide_server import metrics
 from meshtide_server.app import create_app
 from meshtide_server.connections import HttpProtocol, WebSocketProtocol

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, BinaryIO, cast
 
 from starlette.requests import ClientDisconnect
 
-from meshtide_codec.files import is_mesh_path
+from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_server.catalogue.catalogue import UNUSED_FOR
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.problems import RefusedError

@@ -21,7 +21,7 @@ from meshtide_codec.compact.mirror import Mirror, find_mirror
 from meshtide_codec.compact.models import new_map_models
 from meshtide_codec.compact.octree import Octree, build_octree
 from meshtide_codec.compact.slices import Slices, even_slices
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.quantize import quantize
 
 Packets = dict[tuple[int, int], bytes]

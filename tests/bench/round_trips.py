@@ -35,9 +35,9 @@ from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import Options, encode
-from meshtide_codec.files import is_mesh_path, load_mesh
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files import is_mesh_path, load_mesh
 from meshtide_codec.rates import stream_report
 
 READY_SECONDS = 600.0

@@ -10,7 +10,7 @@ import pytest
 from meshtide_client.fetching import Destination, FetchResult, fetch
 from meshtide_client.transport import Link
 from meshtide_codec.errors import MeshFileError, OptionError, TransferError
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.stream.container import preamble
 from meshtide_codec.stream.session import Until
 from streams import encoded_grid

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from meshes import grid
 from meshtide_client.paper.commands import register
 from meshtide_codec.command_line import ExitCode, exit_code
-from meshtide_codec.files import save_mesh
+from meshtide_codec.mesh_files import save_mesh
 from pictures import unpacked
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from meshtide_client.paper.report import report_page
 from meshtide_client.paper.run import named_mesh, run_paper
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.errors import MeshError, MeshFileError, MeshtideError
-from meshtide_codec.files import save_mesh
+from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.sphere import PAPER_FILTERS
 from paper_results import OPTIONS
 

@@ -11,8 +11,8 @@ from meshtide_client.rendering.shown import coloured_by_distance, load_subjects
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import ContainerError, OptionError
-from meshtide_codec.files import save_mesh
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files import save_mesh
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -20,7 +20,7 @@ from meshtide_client.simulation.sweep import Sweep, SweepResults, run_sweep
 from meshtide_client.simulation.variants import make_variants, parse_norm
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshError, OptionError
-from meshtide_codec.files import save_mesh
+from meshtide_codec.mesh_files import save_mesh
 
 LOSSES = ("none", "gilbert:loss=0.2,burst=2", "noise:relative=1")
 

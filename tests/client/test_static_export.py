@@ -13,7 +13,7 @@ from meshtide_client.transport import Link
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.errors import OptionError, PacketError, TransferError
-from meshtide_codec.files import save_mesh
+from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.stream.container import read_container
 from streams import encoded_grid
 from web_server import WebServer, web_server

@@ -10,7 +10,7 @@ import pytest
 from command_runner import meshtide
 from meshes import grid
 from meshtide_codec.errors import MeshFileError, OptionError, StreamError, TruncatedError
-from meshtide_codec.files import load_mesh, save_mesh
+from meshtide_codec.mesh_files import load_mesh, save_mesh
 
 if TYPE_CHECKING:
     from pathlib import Path

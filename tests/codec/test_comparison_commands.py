@@ -10,7 +10,7 @@ import pytest
 from command_runner import meshtide
 from meshes import grid
 from meshtide_codec.errors import MeshError, MeshtideError, OptionError
-from meshtide_codec.files import save_mesh
+from meshtide_codec.mesh_files import save_mesh
 
 if TYPE_CHECKING:
     from pathlib import Path

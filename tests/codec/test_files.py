@@ -10,8 +10,9 @@ import pytest
 from meshes import grid, tetrahedron
 from meshtide_codec import files
 from meshtide_codec.errors import MeshError, MeshFileError
-from meshtide_codec.files import is_mesh_path, load_mesh, save_mesh, write_atomically
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files import is_mesh_path, load_mesh, save_mesh
+from meshtide_codec.output_files import write_atomically
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,7 +13,7 @@ import pytest
 from meshtide_client.listing import list_meshes
 from meshtide_codec.command_line import ExitCode
 from meshtide_codec.errors import TransferError
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 
 if TYPE_CHECKING:
     import subprocess

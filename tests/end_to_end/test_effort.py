@@ -28,8 +28,8 @@ from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import TransferError
-from meshtide_codec.files import load_mesh, save_mesh
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.stream.packets import PacketKind
 from upload_server import TOKEN, taking_uploads
 

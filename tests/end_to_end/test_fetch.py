@@ -17,7 +17,7 @@ import pytest
 from websockets.sync.server import serve
 
 from meshtide_codec.command_line import ExitCode
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.stream.container import preamble, read_available
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from meshes import grid
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
-from meshtide_codec.files import save_mesh
+from meshtide_codec.mesh_files import save_mesh
 from upload_server import TOKEN, taking_uploads
 
 if TYPE_CHECKING:

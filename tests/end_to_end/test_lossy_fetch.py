@@ -20,7 +20,7 @@ from meshtide_codec.command_line import ExitCode
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import TransferError
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.stream.container import read_container
 
 STREAMS = {

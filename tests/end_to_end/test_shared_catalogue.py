@@ -17,7 +17,7 @@ from meshtide_client.transport import Link
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
-from meshtide_codec.files import save_mesh
+from meshtide_codec.mesh_files import save_mesh
 from nginx_proxy import behind_nginx, wait_for
 from postgresql_server import running_postgresql
 from s3_server import BUCKET, running_s3_server

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from meshtide_codec.command_line import ExitCode
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 from web_server import WebServer, web_server
 
 if TYPE_CHECKING:

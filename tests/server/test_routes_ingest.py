@@ -20,7 +20,7 @@ from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
-from meshtide_codec.files import load_mesh, save_mesh
+from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_server.settings import Settings
 
 from .conftest import TETRAHEDRON, LiveServer, make_stream, running

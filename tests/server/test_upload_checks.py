@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from meshes import grid, tetrahedron
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.file_checks.text_lines import LONGEST_LINE
-from meshtide_codec.files import load_mesh, save_mesh
+from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_server.upload_checks import UploadLimits, check_upload
 from meshtide_server.upload_checks.glb import LARGEST_JSON
 

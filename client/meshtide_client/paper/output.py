@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from meshtide_client.paper import pictures, plots, tables
 from meshtide_client.paper.report import report_page
 from meshtide_codec.errors import OptionError
-from meshtide_codec.files import write_atomically
+from meshtide_codec.output_files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable

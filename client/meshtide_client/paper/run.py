@@ -19,7 +19,7 @@ from meshtide_client.paper.noise_experiment import NoiseResult, run_noise
 from meshtide_client.paper.norm_experiment import NORM_DEGREES, NORMS, run_norm
 from meshtide_client.paper.published import SPHERE
 from meshtide_codec.errors import MeshtideError
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.quantize import quantize
 from meshtide_codec.samples import load_sample, sample_names
 from meshtide_codec.sphere import PAPER_FILTERS, paper_sphere

@@ -47,7 +47,7 @@ def render(
     from meshtide_client.rendering.view import View
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.errors import OptionError
-    from meshtide_codec.files import write_atomically
+    from meshtide_codec.output_files import write_atomically
 
     if output.suffix.lower() != ".png":
         raise OptionError(f"a picture is a .png file, not {output}")

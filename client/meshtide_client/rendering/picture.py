@@ -12,7 +12,7 @@ from meshtide_client.rendering.png import png
 from meshtide_client.rendering.rasterizer import PAPER, render
 from meshtide_client.rendering.view import Frame, View
 from meshtide_codec.errors import OptionError
-from meshtide_codec.files import write_atomically
+from meshtide_codec.output_files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,7 +12,7 @@ from meshtide_client.rendering.picture import Subject
 from meshtide_codec.closest_points import TriangleTree
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.errors import OptionError
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.samples import load_sample, sample_names
 from meshtide_codec.stream.container import read_container
 

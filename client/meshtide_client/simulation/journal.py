@@ -11,7 +11,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.errors import OptionError
-from meshtide_codec.files import write_atomically
+from meshtide_codec.output_files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

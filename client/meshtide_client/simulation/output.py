@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from meshtide_client.simulation import plots
 from meshtide_client.simulation.summary import summarize
 from meshtide_codec.comparison.extras import extra
-from meshtide_codec.files import write_atomically
+from meshtide_codec.output_files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_client.fetching import fetch
 from meshtide_client.tide_address import parse_address
-from meshtide_codec.files import load_mesh
+from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.samples import load_sample, sample_names
 
 if TYPE_CHECKING:

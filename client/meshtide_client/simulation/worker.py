@@ -16,7 +16,7 @@ from meshtide_client.link.lossy_link import LossyLink, receive
 from meshtide_client.metrics import StreamMeter
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshtideError
-from meshtide_codec.files import write_atomically
+from meshtide_codec.output_files import write_atomically
 from meshtide_codec.stream.container import PREAMBLE_BYTES, read_container
 from meshtide_codec.stream.packets import PacketKind
 

@@ -46,7 +46,7 @@ def compare(
     from meshtide_codec.comparison.extras import check_extras
     from meshtide_codec.comparison.mesh_comparison import compare_mesh
     from meshtide_codec.errors import MeshError
-    from meshtide_codec.files import load_mesh
+    from meshtide_codec.mesh_files import load_mesh
     from meshtide_codec.samples import load_sample
 
     options = [profile_options(profile, each, {"effort": effort}, {}) for each in bits or [12]]
@@ -91,7 +91,7 @@ def written_report(files: Sequence[Path] | None, mesh: Path, encoded: EncodedMes
     if files is None:
         return None
     from meshtide_codec.comparison.report import StreamReport
-    from meshtide_codec.files import write_atomically
+    from meshtide_codec.output_files import write_atomically
 
     report = StreamReport(mesh.stem, encoded, files)
     for path in files:
@@ -113,7 +113,7 @@ def print_report(report: StreamReport) -> None:
 def _mesh_files(arguments: Sequence[Path]) -> dict[str, Path]:
     """Mesh files by a name of their own: the stem, and a number where stems repeat."""
     from meshtide_codec.errors import OptionError
-    from meshtide_codec.files import is_mesh_path
+    from meshtide_codec.mesh_files import is_mesh_path
 
     paths: list[Path] = []
     for argument in arguments:
@@ -139,7 +139,7 @@ def _write_files(comparisons: Sequence[MeshComparison], output: Path) -> None:
     import json
 
     from meshtide_codec.comparison import plots, tables
-    from meshtide_codec.files import write_atomically
+    from meshtide_codec.output_files import write_atomically
 
     for name, rows in (
         ("sizes", tables.size_rows(comparisons)),

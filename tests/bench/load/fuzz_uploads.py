@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from meshes import grid, shapes, soup
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
-from meshtide_codec.files import save_mesh
+from meshtide_codec.mesh_files import save_mesh
 
 IDS = tuple(f"upload-{number}" for number in range(12))
 """Ids under which meshes are put, replaced, read and deleted."""

@@ -1,0 +1,190 @@
+"""Polygons to triangles: inside of each polygon, the same for the same polygon, no corner lost.
+
+Triangles pass as they are. Of a quadrilateral the shorter diagonal is taken, of those that lie inside. Other polygons
+become a fan around their first corner where they are convex, seen along their mean normal (Newell's, so bent ones have
+one too). The rest, concave polygons and those with holes that a slit joins to the outline, are cut by ears (mapbox
+earcut) in the plane of that normal. Earcut leaves out corners on straight lines; they are put back, as the corner of
+the next polygon may stand there. Polygons of no area are fans. Cost: linear in the corners, but for concave polygons.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+_QUAD = 4
+_FIRST_DIAGONAL = [[0, 1, 2], [0, 2, 3]]
+_SECOND_DIAGONAL = [[0, 1, 3], [1, 2, 3]]
+_STRAIGHT = 1e-12
+"""What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
+
+
+@dataclass(frozen=True, slots=True)
+class Triangulation:
+    """Triangles of polygons.
+
+    Args:
+        corners: (m, 3) int64, of each triangle's corners the place in the flat list of the polygons' corners.
+        polygon: (m,) int64, the polygon that each triangle belongs to; they rise.
+        inner: (m, 3) bool, whether the edge from a corner to the next one is inside of its polygon; None if none is.
+        degenerate: how many polygons had fewer than three distinct vertices, and became nothing.
+    """
+
+    corners: NDArray[np.int64]
+    polygon: NDArray[np.int64]
+    inner: NDArray[np.bool_] | None
+    degenerate: int
+
+
+def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Triangulation:
+    """Cut polygons into triangles.
+
+    Args:
+        vertices: (n, 3) positions.
+        counts: (p,) corners of each polygon; with fewer than three it becomes nothing.
+        corners: (sum of counts,) the vertex of each corner, in range.
+
+    >>> square = np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0], [0, 1, 0]])
+    >>> triangulated(square, np.array([4]), np.array([0, 1, 2, 3])).corners.tolist()
+    [[0, 1, 2], [0, 2, 3]]
+    """
+    counts = np.asarray(counts, np.int64)
+    starts = np.cumsum(counts) - counts
+    if len(counts) and counts.min() == counts.max() == 3:
+        faces = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
+        return Triangulation(faces, np.arange(len(counts)), None, 0)
+    parts: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []  # polygons and their triangles
+    degenerate = int((counts < 3).sum())
+    for size in np.unique(counts[counts >= 3]).tolist():
+        chosen = np.flatnonzero(counts == size)
+        places = starts[chosen, None] + np.arange(size)
+        if size == 3:
+            parts.append((chosen, places))
+            continue
+        few = _few_vertices(corners[places])
+        degenerate += int(few.sum())
+        chosen, places = chosen[~few], places[~few]
+        parts += _cut(vertices[corners[places]], chosen, places)
+    if not parts:
+        return Triangulation(np.zeros((0, 3), np.int64), np.zeros(0, np.int64), None, degenerate)
+    polygon = np.concatenate([one for one, _ in parts])
+    triangles = np.concatenate([one for _, one in parts])
+    order = np.argsort(polygon, kind="stable")
+    polygon, triangles = polygon[order], triangles[order]
+    return Triangulation(triangles, polygon, _inner(triangles, polygon, counts, starts), degenerate)
+
+
+def _few_vertices(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which rows have fewer than three distinct vertices."""
+    ordered = np.sort(corners, axis=1)
+    few: NDArray[np.bool_] = (ordered[:, 1:] != ordered[:, :-1]).sum(axis=1) < 2
+    return few
+
+
+def _cut(
+    points: NDArray[np.float64], chosen: NDArray[np.int64], places: NDArray[np.int64]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Triangles of k polygons of n corners each: their positions (k, n, 3), their numbers, their corners' places."""
+    size = points.shape[1]
+    with np.errstate(all="ignore"):  # what is not finite becomes a fan, and is refused with its vertex's name
+        edges = np.roll(points, -1, axis=1) - points
+        spokes = points - points[:, :1]
+        normal = np.cross(spokes, np.roll(spokes, -1, axis=1)).sum(axis=1)
+        square = (normal * normal).sum(axis=1)
+        before = np.roll(edges, 1, axis=1)
+        turn = np.einsum("kni,ki->kn", np.cross(before, edges), normal)
+        left = turn > _STRAIGHT * square[:, None]
+        level = turn > -_STRAIGHT * square[:, None]
+        along = (before * edges).sum(axis=2) * np.sqrt(square)[:, None]
+        once = np.abs(np.arctan2(turn, along).sum(axis=1)) < 3 * np.pi  # a star turns round twice
+        longest = (edges * edges).sum(axis=2).max(axis=1)
+        flat = ~(np.sqrt(square) > _STRAIGHT * longest)
+    if size == _QUAD:
+        first = left[:, 1] & left[:, 3]
+        second = left[:, 0] & left[:, 2]
+        with np.errstate(all="ignore"):
+            lengths = [((points[:, i] - points[:, i + 2]) ** 2).sum(axis=1) for i in (0, 1)]
+            shorter = lengths[1] < lengths[0]
+        other = (second & ~first) | (second & shorter)
+        for mask, corners in ((~other, _FIRST_DIAGONAL), (other, _SECOND_DIAGONAL)):
+            yield np.repeat(chosen[mask], 2), places[mask][:, corners].reshape(-1, 3)
+        return
+    # A fan around a corner has no flat triangle if its two neighbours are no corners on straight lines.
+    apexes = np.roll(left, 1, axis=1) & np.roll(left, -1, axis=1)
+    convex = level.all(axis=1) & once & apexes.any(axis=1)
+    fans = convex | flat
+    apex = np.where(convex, np.argmax(apexes, axis=1), 0)[fans, None]
+    ring = (apex + np.arange(size)) % size
+    turned = np.take_along_axis(places[fans], ring, axis=1)
+    spans = np.arange(size - 2)
+    fan = np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)
+    yield np.repeat(chosen[fans], size - 2), turned[:, fan].reshape(-1, 3)
+    for index in np.flatnonzero(~fans).tolist():
+        ears = _ears(points[index], normal[index])
+        yield np.full(len(ears), chosen[index]), places[index][ears]
+
+
+def _ears(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Triangles (n - 2, 3) of one polygon (n, 3) in the plane across its normal; corners rise along the outline."""
+    from mapbox_earcut import triangulate_float64  # noqa: PLC0415 - few files have concave polygons
+
+    size = len(points)
+    relative = points - points[0]
+    scale = np.abs(relative).max()
+    axis = np.zeros(3)
+    axis[np.argmin(np.abs(normal))] = 1.0
+    across = np.cross(normal, axis)
+    across /= np.linalg.norm(across)
+    upward = np.cross(normal / np.linalg.norm(normal), across)
+    plane = np.ascontiguousarray(relative / scale @ np.stack([across, upward], axis=1))
+    found = triangulate_float64(plane, np.array([size], np.uint32)).reshape(-1, 3).astype(np.int64)
+    # Along the outline the corners of every triangle rise, whichever way earcut turned it.
+    triangles = _with_all_corners(np.sort(found, axis=1).tolist(), size)
+    if triangles is None:  # an outline that crosses itself
+        spans = np.arange(size - 2)
+        return np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)
+    return np.array(triangles, np.int64)
+
+
+def _with_all_corners(triangles: list[list[int]], size: int) -> list[list[int]] | None:
+    """The triangles with the corners that were left out put back into the edges that they lie on; None if none fits."""
+    present = sorted({corner for triangle in triangles for corner in triangle})
+    if not present:
+        return None
+    edges = {(triangle[i], triangle[(i + 1) % 3]): place for place, triangle in enumerate(triangles) for i in range(3)}
+    result: list[list[int] | None] = list(triangles)
+    for start, end in zip(present, [*present[1:], present[0]], strict=True):
+        missing = [corner % size for corner in range(start + 1, end + (size if end <= start else 0))]
+        if not missing:
+            continue
+        place = edges.get((start, end))
+        split = None if place is None else result[place]
+        if place is None or split is None:
+            return None
+        apex = next(corner for corner in split if corner not in (start, end))
+        chain = [start, *missing, end]
+        fan = [sorted((apex, a, b)) for a, b in pairwise(chain)]
+        result[place] = None
+        for triangle in fan:  # other edges of the same triangle may be split later
+            edges |= {(triangle[i], triangle[(i + 1) % 3]): len(result) for i in range(3)}
+            result.append(triangle)
+    whole = [triangle for triangle in result if triangle is not None]
+    return whole if len(whole) == size - 2 else None
+
+
+def _inner(
+    triangles: NDArray[np.int64], polygon: NDArray[np.int64], counts: NDArray[np.int64], starts: NDArray[np.int64]
+) -> NDArray[np.bool_] | None:
+    """Which edges (m, 3) do not lead from a corner of the outline to the next one."""
+    start, count = starts[polygon][:, None], counts[polygon][:, None]
+    following = start + (triangles - start + 1) % count
+    inner: NDArray[np.bool_] = following != np.roll(triangles, -1, axis=1)
+    return inner if inner.any() else None

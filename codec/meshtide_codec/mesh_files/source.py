@@ -1,0 +1,166 @@
+"""The bytes of a mesh file, and of those that it names: opened, unpacked, bounded.
+
+A mesh file is a path, `-` for standard input, or bytes that are already there. What is packed by gzip is unpacked as
+far as the limits allow. Files that a mesh file names (materials, buffers, images) are read only from its own folder or
+below it, and only where there is one: a file that came through a pipe or from a stranger names nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import zlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from meshtide_codec.errors import MeshFileError
+
+if TYPE_CHECKING:
+    from meshtide_codec.limits import FileLimits
+
+STANDARD_INPUT = "-"
+GZIP_MAGIC = b"\x1f\x8b"
+GZIP_SUFFIX = ".gz"
+_PIECE = 1 << 20
+_FREE_EXPANSION = 1 << 24
+_LARGEST_EXPANSION = 100
+"""An archive may grow to 16 MiB, or to a hundred times its size: text of meshes grows five to twenty times."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A mesh file that is to be read.
+
+    Args:
+        name: as the user gave it, for messages.
+        suffix: what tells the format, in lower case: ``.obj`` of ``scan.OBJ.gz``.
+        data: its bytes, unpacked.
+        folder: where files that it names may lie; None: it may name none.
+        notes: lines that a person should see, added to by its reader.
+    """
+
+    name: str
+    suffix: str
+    data: bytes
+    folder: Path | None = None
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, line: str) -> None:
+        """Keep a line for the person who waits; the same line is kept once."""
+        if line not in self.notes:
+            self.notes.append(line)
+
+    def beside(self, reference: str, limits: FileLimits) -> bytes | None:
+        """The bytes of a file that this one names, or None if there is none.
+
+        Args:
+            reference: its name, relative to the folder of this file, with slashes of either kind.
+            limits: how large it may be.
+
+        Raises:
+            MeshFileError: it lies elsewhere, is no regular file, or is too large.
+        """
+        shown = reference[:200]
+        if self.folder is None:
+            raise MeshFileError(f"the file names another one, {shown!r}; put everything into one file")
+        if "\0" in reference:
+            raise MeshFileError(f"the file names {shown!r}, which no file can be called")
+        folder = self.folder.resolve()
+        path = (folder / reference.replace("\\", "/")).resolve()
+        if not path.is_relative_to(folder):
+            raise MeshFileError(f"the file names {shown!r}, which lies outside of its folder")
+        if not path.exists():
+            return None
+        if not path.is_file():
+            raise MeshFileError(f"the file names {shown!r}, which is no regular file")
+        with path.open("rb") as file:
+            return read_bounded(file, limits.file_bytes)
+
+
+def format_suffix(name: str) -> str:
+    """The suffix that tells the format of a file, in lower case.
+
+    >>> format_suffix("scan.OBJ.gz"), format_suffix("scan.ply"), format_suffix("-")
+    ('.obj', '.ply', '')
+    """
+    path = Path(name)
+    if path.suffix.lower() == GZIP_SUFFIX:
+        path = path.with_suffix("")
+    return path.suffix.lower()
+
+
+def open_source(path: Path | str, limits: FileLimits, *, kind: str | None = None, alone: bool = False) -> Source:
+    """Read a mesh file from a path, a pipe, or standard input.
+
+    Args:
+        path: of the file, or `-` for standard input.
+        limits: how large it may be, unpacked or not.
+        kind: of its content, such as ply, in place of what its name tells.
+        alone: whether it may name no other files.
+
+    Raises:
+        MeshFileError: it is too large, or a damaged archive.
+        OSError: it cannot be read.
+    """
+    name = str(path)
+    if name == STANDARD_INPUT:
+        data = read_bounded(sys.stdin.buffer, limits.file_bytes)
+        folder = None
+    else:
+        with Path(path).open("rb") as file:
+            data = read_bounded(file, limits.file_bytes)
+            folder = None if alone else Path(path).parent
+    if data[:2] == GZIP_MAGIC:
+        data = expanded(data, limits)
+    suffix = format_suffix(name) if kind is None else f".{kind.lstrip('.').lower()}"
+    return Source(name, suffix, data, folder)
+
+
+def read_bounded(file: BinaryIO, most: int) -> bytes:
+    """All bytes of a file, unless they are more than `most`.
+
+    Raises:
+        MeshFileError: they are.
+        OSError: it cannot be read.
+    """
+    size = os.fstat(file.fileno()).st_size if file.seekable() else 0
+    if size <= most:
+        data = file.read() if size else file.read(most + 1)
+        if len(data) <= most:
+            return data
+    raise MeshFileError(f"the file is longer than the {most} bytes that are read (FileLimits.file_bytes)")
+
+
+def expanded(data: bytes, limits: FileLimits) -> bytes:
+    """What a gzip archive holds.
+
+    Raises:
+        MeshFileError: it is damaged, cut short, or grows more than a file of a mesh would.
+
+    >>> import gzip
+    >>> from meshtide_codec.limits import FileLimits
+    >>> expanded(gzip.compress(b"v 0 0 0"), FileLimits())
+    b'v 0 0 0'
+    """
+    most = min(limits.file_bytes, max(_FREE_EXPANSION, _LARGEST_EXPANSION * len(data)))
+    pieces: list[bytes] = []
+    size = 0
+    rest = data
+    try:
+        while rest:
+            member = zlib.decompressobj(wbits=31)
+            waiting = rest
+            while not member.eof:
+                piece = member.decompress(waiting, _PIECE)
+                size += len(piece)
+                if size > most:
+                    raise MeshFileError(f"the archive expands to more than {most} bytes from {len(data)}")
+                pieces.append(piece)
+                waiting = member.unconsumed_tail
+                if not piece and not waiting and not member.eof:
+                    raise MeshFileError("the archive is cut short")
+            rest = member.unused_data.lstrip(b"\0")  # padding of tapes
+    except zlib.error as error:
+        raise MeshFileError(f"the archive is damaged: {error}") from error
+    return b"".join(pieces)
