@@ -32,7 +32,9 @@ def register(app: typer.Typer) -> None:
 
 
 def encode(
-    mesh: Annotated[Path, typer.Argument(help="Mesh file: PLY, OBJ, OFF, STL, GLB, ...")],
+    mesh: Annotated[
+        Path, typer.Argument(help="Mesh file: PLY, OBJ, OFF, STL, GLB, ..., packed by gzip or not; - reads a pipe.")
+    ],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Default: the mesh's name with .tide.")] = None,
     profile: Annotated[
         str, typer.Option(help="compact (small) or classic (the paper's codec, for study).")
@@ -67,6 +69,9 @@ def encode(
     diff_levels: Annotated[
         str | None, typer.Option(help="classic: the very levels whose Diffs are sent, such as 0,2,3.")
     ] = None,
+    mesh_format: Annotated[
+        str | None, typer.Option("--format", help="What the file is, such as ply, whatever its name tells.")
+    ] = None,
     keep_unreferenced: Annotated[bool, typer.Option(help="Keep vertices that no face uses.")] = False,
     store_permutation: Annotated[
         bool, typer.Option(help="Store which stream vertex each input vertex became, to restore the input's order.")
@@ -86,7 +91,8 @@ def encode(
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.command_options import profile_options
     from meshtide_codec.encoder import encode as encode_mesh
-    from meshtide_codec.mesh_files import load_mesh
+    from meshtide_codec.mesh_files import load_scene, mesh_of
+    from meshtide_codec.mesh_files.not_kept import not_kept
     from meshtide_codec.output_files import write_atomically
 
     options = profile_options(
@@ -108,18 +114,21 @@ def encode(
     report_files = report_target(report_to, mesh)
     with progress_bar("encode") as progress:
         progress("read", 0.0)
-        loaded = load_mesh(mesh, keep_unreferenced=True)
-        kept = loaded if keep_unreferenced else loaded.referenced()
-        encoded = encode_mesh(kept, options, store_permutation=store_permutation, progress=progress)
+        scene = load_scene(mesh, kind=mesh_format)
+        loaded = mesh_of(scene, mesh, keep_unreferenced=keep_unreferenced)
+        encoded = encode_mesh(loaded.mesh, options, store_permutation=store_permutation, progress=progress)
     target = output or mesh.with_suffix(".tide")
     data = encoded.to_bytes()
     write_atomically(target, data)
     report = _report(encoded.header) | {
         "output": str(target),
-        "unreferenced_vertices": len(loaded.vertices) - len(kept.vertices),
+        "unreferenced_vertices": loaded.unreferenced,
         "welded_vertices": encoded.quantized.welded_vertices,
         "dropped_faces": encoded.quantized.dropped_faces,
+        "notes": [*loaded.notes, *([left_out] if (left_out := not_kept(scene)) else [])],
     }
+    for note in report["notes"]:
+        typer.echo(f"{mesh.name}: {note}", err=True)
     details = written_report(report_files, mesh, encoded)
     if details is not None:
         report |= details.plain()

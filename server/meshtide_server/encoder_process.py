@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from asyncio.subprocess import Process
     from collections.abc import Callable
 
+    from meshtide_codec.limits import FileLimits
     from meshtide_server.encoding_options import EncodingOptions
-    from meshtide_server.upload_checks import UploadLimits
 
 logger = logging.getLogger("meshtide.server")
 
@@ -82,7 +82,7 @@ class Job:
     digest: str
     options: EncodingOptions
     targets: tuple[Path, ...]
-    limits: UploadLimits | None = None
+    limits: FileLimits | None = None
 
     def line(self) -> bytes:
         """The job as the process reads it."""

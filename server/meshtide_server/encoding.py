@@ -135,20 +135,25 @@ def _encode(job: dict[str, Any], reporter: Reporter) -> tuple[bytes, list[list[f
 
 
 def _load(job: dict[str, Any]) -> Mesh:
-    from meshtide_codec.errors import MeshFileError  # noqa: PLC0415 - with the rest of the codec
-    from meshtide_codec.mesh_files import load_mesh  # noqa: PLC0415 - the same
+    from meshtide_codec.errors import MeshError, MeshFileError  # noqa: PLC0415 - with the rest of the codec
+    from meshtide_codec.limits import FileLimits  # noqa: PLC0415 - the same
+    from meshtide_codec.mesh_files.read import mesh_of, read_source  # noqa: PLC0415 - the same
+    from meshtide_codec.mesh_files.source import open_source  # noqa: PLC0415 - the same
     from meshtide_codec.samples import load_sample  # noqa: PLC0415 - the same
     from meshtide_server.stream_cache import file_digest  # noqa: PLC0415 - the same
-    from meshtide_server.upload_checks import UploadLimits, check_upload  # noqa: PLC0415 - the same
 
     if job["sample"] is not None:
         return load_sample(job["sample"])
     path = Path(job["file"])
-    if job["limits"] is not None:
-        check_upload(path, UploadLimits(**job["limits"]))
-    mesh = load_mesh(path)
+    stranger = job["limits"] is not None
+    limits = FileLimits(**job["limits"]) if stranger else FileLimits()
+    try:
+        scene = read_source(open_source(path, limits, alone=stranger), limits)
+    except MeshError as error:
+        raise type(error)(f"{path.name} cannot be read as a mesh: {error}") from error
+    mesh = mesh_of(scene, path.name).mesh
     if file_digest(path) != job["digest"]:
-        raise MeshFileError(f"{path} was changed while it was read")
+        raise MeshFileError(f"{path.name} was changed while it was read")
     return mesh
 
 

@@ -30,7 +30,6 @@ from meshtide_server.publishing import Publication, publish
 from meshtide_server.readiness import CHECK_SECONDS, check_store
 from meshtide_server.store import StoreError, stream_key
 from meshtide_server.stream_cache import file_digest
-from meshtide_server.upload_checks import UploadLimits
 
 if TYPE_CHECKING:
     from meshtide_server.catalogue import Box, Job, MeshRecord
@@ -222,8 +221,7 @@ class JobAttempt:
         """The stream of the upload, as a file beside it."""
         target = source.with_suffix(TIDE_SUFFIX)
         digest = await asyncio.to_thread(file_digest, source)
-        limits = UploadLimits(self._settings.max_vertices, self._settings.max_faces)
-        job = EncoderJob(source, None, digest, self._options, (target,), limits)
+        job = EncoderJob(source, None, digest, self._options, (target,), self._settings.file_limits)
         encoded = await encoder.encode(job, self._advance)
         self._box = encoded.box
         return target

@@ -17,6 +17,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshtide_codec.compact.effort import Effort
 from meshtide_codec.errors import OptionError
+from meshtide_codec.limits import FileLimits
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_server.encoding_options import EncodingOptions
@@ -280,6 +281,16 @@ class Settings(BaseSettings):
     def encoder_processes(self) -> int:
         """How many uploads are encoded at a time."""
         return self.job_processes or min(_processors(), MOST_PROCESSES)
+
+    @property
+    def file_limits(self) -> FileLimits:
+        """What a mesh file may claim that a stranger sent; an archive may hold as much as a file that is none."""
+        return FileLimits(
+            vertices=self.max_vertices,
+            faces=self.max_faces,
+            file_bytes=self.max_upload,
+            remedy="this server's MESHTIDE_MAX_{setting}",
+        )
 
     @property
     def keeps_meshes(self) -> bool:

@@ -15,6 +15,7 @@ from meshtide_codec.mesh_files.other_formats import read_other
 from meshtide_codec.mesh_files.source import Source, format_suffix, open_source
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from meshtide_codec.scene import Scene
@@ -85,18 +86,25 @@ def read_source(source: Source, limits: FileLimits) -> Scene:
     return replace(scene, notes=(*scene.notes, *source.notes))
 
 
-def mesh_of(scene: Scene, *, keep_unreferenced: bool = False) -> SceneMesh:
+def mesh_of(scene: Scene, name: Path | str, *, keep_unreferenced: bool = False) -> SceneMesh:
     """The one mesh of a scene, checked.
 
     Args:
         scene: as it was read.
+        name: of its file, for messages.
         keep_unreferenced: whether vertices that no face uses stay (they cannot be seen, but cost bytes).
 
     Raises:
         MeshError: there is nothing in it, or a coordinate of a vertex that is used is not finite.
     """
-    mesh = scene.mesh()
-    notes = list(scene.notes)
+    try:
+        return _checked(scene.mesh(), scene.notes, keep_unreferenced=keep_unreferenced)
+    except MeshError as error:
+        raise type(error)(f"{name}: {error}") from error
+
+
+def _checked(mesh: Mesh, told: Sequence[str], *, keep_unreferenced: bool) -> SceneMesh:
+    notes = list(told)
     if len(mesh.vertices) == 0:
         raise MeshFileError("there are no vertices in it")
     used = np.zeros(len(mesh.vertices), bool)
@@ -134,7 +142,4 @@ def load_mesh(
         OSError: the file cannot be opened.
     """
     scene = load_scene(path, limits=limits, kind=kind, alone=alone)
-    try:
-        return mesh_of(scene, keep_unreferenced=keep_unreferenced).mesh
-    except MeshError as error:
-        raise type(error)(f"{path}: {error}") from error
+    return mesh_of(scene, path, keep_unreferenced=keep_unreferenced).mesh

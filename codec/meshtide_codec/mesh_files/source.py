@@ -75,7 +75,7 @@ class Source:
         if not path.is_file():
             raise MeshFileError(f"the file names {shown!r}, which is no regular file")
         with path.open("rb") as file:
-            return read_bounded(file, limits.file_bytes)
+            return read_bounded(file, limits)
 
 
 def format_suffix(name: str) -> str:
@@ -105,11 +105,11 @@ def open_source(path: Path | str, limits: FileLimits, *, kind: str | None = None
     """
     name = str(path)
     if name == STANDARD_INPUT:
-        data = read_bounded(sys.stdin.buffer, limits.file_bytes)
+        data = read_bounded(sys.stdin.buffer, limits)
         folder = None
     else:
         with Path(path).open("rb") as file:
-            data = read_bounded(file, limits.file_bytes)
+            data = read_bounded(file, limits)
             folder = None if alone else Path(path).parent
     if data[:2] == GZIP_MAGIC:
         data = expanded(data, limits)
@@ -117,19 +117,18 @@ def open_source(path: Path | str, limits: FileLimits, *, kind: str | None = None
     return Source(name, suffix, data, folder)
 
 
-def read_bounded(file: BinaryIO, most: int) -> bytes:
-    """All bytes of a file, unless they are more than `most`.
+def read_bounded(file: BinaryIO, limits: FileLimits) -> bytes:
+    """All bytes of a file, unless they are more than the limits allow.
 
     Raises:
         MeshFileError: they are.
         OSError: it cannot be read.
     """
     size = os.fstat(file.fileno()).st_size if file.seekable() else 0
-    if size <= most:
-        data = file.read() if size else file.read(most + 1)
-        if len(data) <= most:
-            return data
-    raise MeshFileError(f"the file is longer than the {most} bytes that are read (FileLimits.file_bytes)")
+    limits.check("file_bytes", size)
+    data = file.read() if size else file.read(limits.file_bytes + 1)
+    limits.check("file_bytes", len(data))
+    return data
 
 
 def expanded(data: bytes, limits: FileLimits) -> bytes:

@@ -24,10 +24,10 @@ from meshtide_server.stream_cache import codec_digest, file_digest
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
+    from meshtide_codec.limits import FileLimits
     from meshtide_server.catalogue import Box
     from meshtide_server.encoder_process import ProcessLimits
     from meshtide_server.encoding_options import EncodingOptions
-    from meshtide_server.upload_checks import UploadLimits
 
 ATTEMPTS = 2
 """How often a file is begun whose encoder's process dies."""
@@ -50,7 +50,7 @@ class FileTask:
     path: Path
     digest: str
     options: EncodingOptions
-    limits: UploadLimits
+    limits: FileLimits
     process: ProcessLimits
     seconds: float
     codec: str

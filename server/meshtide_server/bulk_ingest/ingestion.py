@@ -22,7 +22,6 @@ from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.identifiers import unique_id
 from meshtide_server.publishing import Publication, publish
 from meshtide_server.stream_cache import codec_digest
-from meshtide_server.upload_checks import UploadLimits
 from meshtide_server.uploads import checked_suffix
 
 if TYPE_CHECKING:
@@ -179,7 +178,7 @@ class Ingestion:
             chosen.file.absolute(),
             chosen.digest,
             settings.encoding,
-            UploadLimits(settings.max_vertices, settings.max_faces),
+            settings.file_limits,
             ProcessLimits(settings.job_memory, settings.job_processor_seconds),
             settings.job_seconds,
             codec_digest(),
