@@ -3,7 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint clean
+FUZZ_SECONDS ?= 60
+
+.PHONY: demo test lint fuzz clean
 .DEFAULT_GOAL := demo
 
 $(VENV)/demo.done: pyproject.toml
@@ -26,6 +28,12 @@ lint: $(VENV)/test.done ## Linter, formatter and type checker.
 
 test: lint ## Linters, types and all tests.
 	$(BIN)/pytest
+
+fuzz: $(VENV)/test.done ## Damaged files, streams, requests and messages, FUZZ_SECONDS of each.
+	$(BIN)/python tests/bench/fuzz_mesh_files.py --seconds $(FUZZ_SECONDS)
+	$(BIN)/python tests/bench/fuzz_streams.py --seconds $(FUZZ_SECONDS)
+	$(BIN)/python tests/bench/load/fuzz_http.py --seconds $(FUZZ_SECONDS)
+	$(BIN)/python tests/bench/load/fuzz_websocket.py --seconds $(FUZZ_SECONDS)
 
 clean: ## Remove the virtual environment and all caches.
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis demo-output
