@@ -4,8 +4,8 @@ Triangles are sorted along a Morton curve, and the tree halves the curve where i
 a few triangles are left (Karras, "Maximizing parallelism in the construction of BVHs, octrees, and k-d trees", High
 Performance Graphics 2012, section 3, top down). Distances are those of real points of the triangles, found
 among the interior and the three sides: triangles without area, and points as triangles of one corner, need no case
-of their own. Building is O(m log m), a search O(log m) on surfaces. Plain doubles in a fixed order: the same bits on
-every machine.
+of their own. Long thin triangles are bounded by beams too (`beam_kernels`). Building is O(m log m), a search O(log m)
+on surfaces, whatever the shape of their triangles. Plain doubles in a fixed order: the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshtide_codec.beam_kernels import BEAM, COUNT, LINK, LINK_COLUMNS, NONE, find_beams, squared_distance_to_beam
 from meshtide_codec.compilation import kernel
 
 if TYPE_CHECKING:
@@ -22,16 +23,15 @@ if TYPE_CHECKING:
     from meshtide_codec.compilation import Integer
 
     Points = NDArray[np.float64]
-    Tree = tuple[Points, NDArray[np.int32], NDArray[np.int32], Points]  # vertices, faces along the curve, links, boxes
+    Tree = tuple[Points, NDArray[np.int32], NDArray[np.int32], Points, Points]
+    """Vertices, faces along the curve, links, boxes, beams."""
 
 LEAF_SIZE = 2  # triangles: the least time for building and searching together
 VISITS = 72  # place in the scratch of node numbers where visited nodes are counted
 STACK_SIZE = 72  # the tree is no deeper than a key has bits, and one box a step is left behind
 PROBES = 32  # searches that tell how long all of them would take
 ORDINARY = 200.0  # visited nodes of a search that is no reason to look at fewer points; on surfaces there are about 50
-VISITS_ALLOWED = 1e7  # nodes visited in all, about a second, before fewer points are looked at
-LINK = 0  # of an inner node: its second child, the first one follows it; of a leaf: its first triangle
-COUNT = 1  # of a leaf: its triangles; 0 in inner nodes
+VISITS_ALLOWED = 2e6  # nodes visited in all, about a fifth of a second, before fewer points are looked at
 WELL_SHAPED = 1e-10  # (sine of a corner)^2 below which the sides have a say even if the interior seems closest
 
 
@@ -80,12 +80,12 @@ def _middle(vertices: Points, faces: NDArray[np.int32], face: Integer, axis: Int
 @kernel
 def build_tree(
     vertices: Points, faces: NDArray[np.int32], keys: NDArray[np.uint64]
-) -> tuple[NDArray[np.int32], Points]:
-    """Links (nodes, 2) and boxes (nodes, 6: lowest, highest corner) of the tree over faces in the order of their keys.
+) -> tuple[NDArray[np.int32], Points, Points]:
+    """Links (nodes, 3), boxes (nodes, 6: lowest, highest corner) and beams of the tree over faces in their keys' order.
 
     The keys (m,) are strictly increasing, m >= 1. The root is node 0.
     """
-    links = np.empty((2 * len(faces), 2), np.int32)
+    links = np.empty((2 * len(faces), LINK_COLUMNS), np.int32)
     ranges = np.empty((STACK_SIZE, 3), np.int64)  # first face, end, node that it is the second child of
     ranges[0, 0] = 0
     ranges[0, 1] = len(faces)
@@ -113,7 +113,8 @@ def build_tree(
     boxes = np.empty((nodes, 6))
     for node in range(nodes - 1, -1, -1):
         _enclose(vertices, faces, links, boxes, node)
-    return links[:nodes].copy(), boxes
+    used = links[:nodes].copy()
+    return used, boxes, find_beams(vertices, faces, used, boxes)
 
 
 @kernel
@@ -162,6 +163,17 @@ def _squared_distance_to_box(boxes: Points, node: Integer, x: float, y: float, z
     dy = max(boxes[node, 1] - y, y - boxes[node, 4], 0.0)
     dz = max(boxes[node, 2] - z, z - boxes[node, 5], 0.0)
     return float(dx * dx + dy * dy + dz * dz)
+
+
+@kernel
+def _bound(
+    links: NDArray[np.int32], boxes: Points, beams: Points, node: Integer, x: float, y: float, z: float
+) -> float:
+    """The square of a distance that all triangles of a node have at least from a point."""
+    squared = _squared_distance_to_box(boxes, node, x, y, z)
+    if links[node, BEAM] != NONE:
+        squared = max(squared, squared_distance_to_beam(beams, links[node, BEAM], x, y, z))
+    return squared
 
 
 @kernel
@@ -229,7 +241,7 @@ def _search(
     Returns:
         the squared distance, the triangle's place, the weights of its second and third corner.
     """
-    vertices, faces, links, boxes = tree
+    vertices, faces, links, boxes, beams = tree
     place = hint
     best, second, third = closest_on_triangle(vertices, faces, hint, x, y, z)
     nodes[0] = 0
@@ -244,8 +256,8 @@ def _search(
         while links[node, COUNT] == 0 and bound < best:
             near, far = node + 1, links[node, LINK]
             nodes[VISITS] += 1
-            bound = _squared_distance_to_box(boxes, near, x, y, z)
-            far_bound = _squared_distance_to_box(boxes, far, x, y, z)
+            bound = _bound(links, boxes, beams, near, x, y, z)
+            far_bound = _bound(links, boxes, beams, far, x, y, z)
             if far_bound < bound:
                 near, far = far, near
                 bound, far_bound = far_bound, bound

@@ -57,11 +57,11 @@ class TriangleTree:
         self.vertices, checked = _checked(vertices, faces)
         keys, order = _curve(self.vertices, checked)
         self.faces = np.ascontiguousarray(checked[order])
-        self._links, self._boxes = kernels.build_tree(self.vertices, self.faces, keys)
+        self._links, self._boxes, self._beams = kernels.build_tree(self.vertices, self.faces, keys)
 
     @property
     def _tree(self) -> kernels.Tree:
-        return self.vertices, self.faces, self._links, self._boxes
+        return self.vertices, self.faces, self._links, self._boxes, self._beams
 
     def closest(self, points: Points) -> SurfacePoints:
         """The closest point of the mesh for each of `points` (k, 3); faster when neighbours follow each other."""

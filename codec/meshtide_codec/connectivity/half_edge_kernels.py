@@ -45,7 +45,7 @@ CLOSES_FIRST = 1
 CLOSES_SECOND = 2
 BLOCKED = 4  # a face with this apex would repeat a directed edge
 
-SCAN_LIMIT = 256  # half-edges of one vertex that are looked at; far above any valence of a sane mesh
+SCAN_LIMIT = 64  # half-edges of one vertex that are looked at: hubs of fans have any number
 
 
 class FineMesh(NamedTuple):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 OPEN, SETTLED, BORDER, EXTRA = -1, -2, -3, -4
 CLOSES_FIRST, CLOSES_SECOND, BLOCKED = 1, 2, 4
-SCAN_LIMIT = 256  # half-edges of one vertex that are looked at
+SCAN_LIMIT = 64  # half-edges of one vertex that are looked at
 
 
 @dataclass
