@@ -10,8 +10,28 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 WORDS = frozenset(
-    "map_kd map_ka map_ks map_ke map_ns map_d map_tr map_bump bump disp decal refl norm map_pr map_pm map_ps map_aat "
-    "map_disp map_norm map_normal map_refl map_opacity map_rma map_orm".split()
+    {
+        "map_kd",
+        "map_ka",
+        "map_ks",
+        "map_ke",
+        "map_ns",
+        "map_d",
+        "map_tr",
+        "map_bump",
+        "bump",
+        "disp",
+        "decal",
+        "refl",
+        "norm",
+        "map_pr",
+        "map_pm",
+        "map_ps",
+        "map_aat",
+        "map_disp",
+        "map_norm",
+        "map_refl",
+    }
 )
 """The words, in lower case, that an image follows."""
 

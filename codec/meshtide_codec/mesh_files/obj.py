@@ -23,9 +23,6 @@ from meshtide_codec.mesh_files.obj_write import write_obj
 from meshtide_codec.mesh_files.text_numbers import NotANumber, decimals
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
     from numpy.typing import NDArray
 
     from meshtide_codec.limits import FileLimits

@@ -114,7 +114,7 @@ def _eight_digits(words: NDArray[np.uint64], starts: NDArray[np.int64], sizes: N
     """The values (k,) of runs of one to eight digits; `words` is the text, eight characters in each."""
     place = starts >> 3
     shift = (starts.view(np.uint64) & np.uint64(7)) << np.uint64(3)
-    value = words[place] >> shift
+    value: NDArray[np.uint64] = words[place] >> shift
     place += 1
     np.subtract(np.uint64(64), shift, out=shift)
     value |= words[place] << shift  # of a shift by 64 nothing is left
@@ -187,7 +187,7 @@ def _plain_decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArr
 
 
 def _quotients(whole: NDArray[np.uint64], after: NDArray[np.int64]) -> NDArray[np.float64]:
-    """whole / 10^after (k,), rounded right; NaN where that is not sure."""
+    """The numbers whole / 10^after (k,), rounded right; NaN where that is not sure."""
     powers = _POWERS[after]
     upper = whole.astype(np.float64)
     quotient: NDArray[np.float64] = upper / powers
