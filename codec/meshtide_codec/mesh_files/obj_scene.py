@@ -124,6 +124,7 @@ def _cut(source: Source, parts: Parts, vertices: NDArray[np.float64], corners: N
     if all(block is None for _, block in parts.counts):
         return _Cut(None, None, None, polygons)
     counts = np.concatenate([np.full(count, 3) if block is None else block for count, block in parts.counts])
+    parts.counts.clear()
     cut = triangulated(vertices, counts, corners)
     if cut.degenerate:
         source.note(f"faces of fewer than three different vertices, left out: {cut.degenerate}")
