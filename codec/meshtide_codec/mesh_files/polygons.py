@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _QUAD = 4
 _FIRST_DIAGONAL = [[0, 1, 2], [0, 2, 3]]
 _SECOND_DIAGONAL = [[0, 1, 3], [1, 2, 3]]
-_BATCH = 1 << 16  # corners that are looked at together
+_BATCH = 1 << 14  # corners that are looked at together
 _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
 
@@ -121,7 +121,7 @@ def _few_vertices(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def _cut(points: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Triangles of some of k polygons at (k, n, 3), each polygon once: their numbers (j,), their corners (j, n - 2, 3)."""
+    """Triangles of k polygons (k, n, 3), some at a time: which polygons (j,), the corners of each (j, n - 2, 3)."""
     size = points.shape[1]
     with np.errstate(all="ignore"):  # what is not finite becomes a fan, and is refused with its vertex's name
         edges = np.roll(points, -1, axis=1) - points
