@@ -123,43 +123,49 @@ def _few_vertices(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
 def _cut(points: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Triangles of k polygons (k, n, 3), some at a time: which polygons (j,), the corners of each (j, n - 2, 3)."""
     size = points.shape[1]
+    along = np.ascontiguousarray(points.transpose(2, 1, 0))  # (3, n, k): long rows are what numpy is fast at
     with np.errstate(all="ignore"):  # what is not finite becomes a fan, and is refused with its vertex's name
-        edges = np.roll(points, -1, axis=1) - points
-        spokes = points - points[:, :1]
-        normal = np.cross(spokes, np.roll(spokes, -1, axis=1)).sum(axis=1)
-        square = (normal * normal).sum(axis=1)
+        edges = np.roll(along, -1, axis=1) - along
+        spokes = along - along[:, :1]
+        normal = _cross(spokes, np.roll(spokes, -1, axis=1)).sum(axis=1)
+        square = (normal * normal).sum(axis=0)
         before = np.roll(edges, 1, axis=1)
-        turn = np.einsum("kni,ki->kn", np.cross(before, edges), normal)
-        left = turn > _STRAIGHT * square[:, None]
+        turn = (_cross(before, edges) * normal[:, None]).sum(axis=0)
+        left = turn > _STRAIGHT * square
         if size == _QUAD:
-            yield from _halves(points, left)
+            yield from _halves(along, left)
             return
-        level = turn > -_STRAIGHT * square[:, None]
-        along = (before * edges).sum(axis=2) * np.sqrt(square)[:, None]
-        once = np.abs(np.arctan2(turn, along).sum(axis=1)) < 3 * np.pi  # a star turns round twice
-        longest = (edges * edges).sum(axis=2).max(axis=1)
+        level = turn > -_STRAIGHT * square
+        ahead = (before * edges).sum(axis=0) * np.sqrt(square)
+        once = np.abs(np.arctan2(turn, ahead).sum(axis=0)) < 3 * np.pi  # a star turns round twice
+        longest = (edges * edges).sum(axis=0).max(axis=0)
         flat = ~(np.sqrt(square) > _STRAIGHT * longest)
     # A fan around a corner has no flat triangle if its two neighbours are no corners on straight lines.
-    apexes = np.roll(left, 1, axis=1) & np.roll(left, -1, axis=1)
-    convex = level.all(axis=1) & once & apexes.any(axis=1)
+    apexes = np.roll(left, 1, axis=0) & np.roll(left, -1, axis=0)
+    convex = level.all(axis=0) & once & apexes.any(axis=0)
     fans = np.flatnonzero(convex | flat)
-    apex = np.where(convex, np.argmax(apexes, axis=1), 0)[fans, None]
+    apex = np.where(convex, np.argmax(apexes, axis=0), 0)[fans, None]
     ring = (apex + np.arange(size)) % size
     spans = np.arange(size - 2)
     yield fans, ring[:, np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)]
     for index in np.flatnonzero(~(convex | flat)).tolist():
-        yield np.array([index]), _ears(points[index], normal[index])[None]
+        yield np.array([index]), _ears(points[index], normal[:, index])[None]
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The cross products of vectors (3, n, k)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _halves(
-    points: NDArray[np.float64], left: NDArray[np.bool_]
+    along: NDArray[np.float64], left: NDArray[np.bool_]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Quadrilaterals (k, 4, 3) as two triangles each; `left` are the corners at which the outline turns left."""
-    first = left[:, 1] & left[:, 3]
-    second = left[:, 0] & left[:, 2]
-    across = points[:, :2] - points[:, 2:]
-    lengths = (across * across).sum(axis=2)
-    other = second & (~first | (lengths[:, 1] < lengths[:, 0]))
+    """Quadrilaterals (3, 4, k) as two triangles each; `left` (4, k) are the corners at which the outline turns left."""
+    first = left[1] & left[3]
+    second = left[0] & left[2]
+    across = along[:, :2] - along[:, 2:]
+    lengths = (across * across).sum(axis=0)
+    other = second & (~first | (lengths[1] < lengths[0]))
     for mask, corners in ((~other, _FIRST_DIAGONAL), (other, _SECOND_DIAGONAL)):
         chosen = np.flatnonzero(mask)
         yield chosen, np.broadcast_to(np.array(corners), (len(chosen), 2, 3))
