@@ -71,6 +71,7 @@ def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corne
     for chosen, places in _batches(counts, starts, 3):
         whole = amounts[chosen] > 0
         _put(chosen[whole], places[whole], vertices, corners, rows, triangles, inner)
+    del rows, starts
     polygon = np.repeat(np.arange(len(counts)), amounts)
     return Triangulation(triangles, polygon, inner if inner.any() else None, int((amounts == 0).sum()))
 
@@ -79,15 +80,17 @@ def _batches(
     counts: NDArray[np.int64], starts: NDArray[np.int64], least: int
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Polygons of one size, `least` or more, some at a time: their numbers (k,), the places of their corners (k, n)."""
-    order = np.argsort(counts, kind="stable")
-    sizes, begins = np.unique(counts[order], return_index=True)
-    ends = np.append(begins[1:], len(order))
+    alike = len(counts) > 0 and counts.min() == counts.max()
+    order = None if alike else np.argsort(counts, kind="stable")
+    sizes, begins = np.unique(counts if order is None else counts[order], return_index=True)
+    ends = np.append(begins[1:], len(counts))
     for size, begin, end in zip(sizes.tolist(), begins.tolist(), ends.tolist(), strict=True):
         if size < least:
             continue
         step = max(_BATCH // size, 1)
         for low in range(begin, end, step):
-            chosen = order[low : min(low + step, end)]
+            high = min(low + step, end)
+            chosen = np.arange(low, high) if order is None else order[low:high]
             yield chosen, starts[chosen, None] + np.arange(size)
 
 
