@@ -80,10 +80,13 @@ def _batches(
     counts: NDArray[np.int64], starts: NDArray[np.int64], least: int
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Polygons of one size, `least` or more, some at a time: their numbers (k,), the places of their corners (k, n)."""
-    alike = len(counts) > 0 and counts.min() == counts.max()
-    order = None if alike else np.argsort(counts, kind="stable")
-    sizes, begins = np.unique(counts if order is None else counts[order], return_index=True)
-    ends = np.append(begins[1:], len(counts))
+    order = None
+    ordered = counts
+    if len(counts) and counts.min() < counts.max():
+        order = np.argsort(counts, kind="stable")
+        ordered = counts[order]
+    begins = np.flatnonzero(np.diff(ordered, prepend=-1))
+    sizes, ends = ordered[begins], np.append(begins[1:], len(counts))
     for size, begin, end in zip(sizes.tolist(), begins.tolist(), ends.tolist(), strict=True):
         if size < least:
             continue
