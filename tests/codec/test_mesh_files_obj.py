@@ -189,7 +189,7 @@ def test_labels_and_materials_follow_the_polygons() -> None:
     assert mesh.materials.tolist() == [0, 0, 1, 0]
     assert attribute(mesh, "group").rows().tolist() == [0, 0, 0, -1]
     assert attribute(mesh, "group").extra == {"names": ["x"]}
-    assert notes[1] == "materials that no material file describes: 2 ('a', 'b')"
+    assert notes[0] == "materials that no material file describes: 2 ('a', 'b')"
 
 
 def test_one_group_is_no_label() -> None:

@@ -68,7 +68,7 @@ class Block:
         stops: (k,) int64, where it has ended.
         kinds: (k,) uint8.
         first: the number of the first line in the file, from 1.
-        breaks: (j,) int64, where lines of the file end, those that go on included.
+        breaks: (j,) int64, where lines of the file end, if some of them go on in the next one.
     """
 
     text: NDArray[np.uint8]
@@ -77,11 +77,11 @@ class Block:
     stops: NDArray[np.int64]
     kinds: NDArray[np.uint8]
     first: int
-    breaks: NDArray[np.int64]
+    breaks: NDArray[np.int64] | None
 
     def line_numbers(self, lines: NDArray[np.int64]) -> NDArray[np.int64]:
         """Which lines of the file some lines of the block are, from 1."""
-        if len(self.breaks) <= len(self.starts):
+        if self.breaks is None:
             return lines + self.first
         return np.searchsorted(self.breaks, self.starts[lines]) + self.first
 
@@ -162,11 +162,11 @@ def _goes_on(data: bytes, start: int, stop: int) -> bool:
 
 def _block(piece: bytes, first: int) -> Block:
     text = padded(piece)
-    breaks = np.flatnonzero(text == _NEWLINE)
-    ends = breaks
+    ends = np.flatnonzero(text == _NEWLINE)
+    breaks = None
     if b"\\" in piece:
         _join(text, piece)
-        ends = np.flatnonzero(text == _NEWLINE)
+        breaks, ends = ends, np.flatnonzero(text == _NEWLINE)
     whole = len(ends) > 0 and ends[-1] == PADDING + len(piece) - 1
     stops = ends if whole else np.append(ends, PADDING + len(piece))
     starts = np.empty_like(stops)
