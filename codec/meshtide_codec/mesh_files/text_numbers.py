@@ -167,7 +167,7 @@ def _plain_decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArr
         return None
     values = values_of_runs(text, runs.starts, sizes)
     if len(tails) == 0:
-        return _quotients(values, np.zeros(len(values), np.int64)), runs.starts
+        return _quotients(values, np.zeros(len(values), np.int64), values == TOO_LARGE), runs.starts
     if tails[0] == 0 or broken[tails - 1].any() or (runs.ends[tails - 1] + 1 != runs.starts[tails]).any():
         return None
     heads = np.flatnonzero(~broken)
@@ -179,18 +179,20 @@ def _plain_decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArr
         after, low = after[heads], low[heads]
     whole = values[heads]
     large = (sizes[heads] + after > MOST_DIGITS) & (whole > 0)
-    large |= low == TOO_LARGE
+    large |= (low == TOO_LARGE) | (whole == TOO_LARGE)
     after[large] = 0
-    whole = whole * _WHOLE_POWERS[after] + low
-    whole[large] = TOO_LARGE
-    return _quotients(whole, after), runs.starts[heads]
+    return _quotients(whole * _WHOLE_POWERS[after] + low, after, large), runs.starts[heads]
 
 
-def _quotients(whole: NDArray[np.uint64], after: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The numbers whole / 10^after (k,), rounded right; NaN where that is not sure."""
+def _quotients(
+    whole: NDArray[np.uint64], after: NDArray[np.int64], unknown: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """The numbers whole / 10^after (k,), rounded right; NaN where that is not sure, and where whole is not known."""
+    whole[unknown] = 0
     powers = _POWERS[after]
     upper = whole.astype(np.float64)
     quotient: NDArray[np.float64] = upper / powers
+    quotient[unknown] = np.nan
     large = np.flatnonzero(whole > _EXACT)
     if len(large) == 0:
         return quotient
@@ -200,7 +202,7 @@ def _quotients(whole: NDArray[np.uint64], after: NDArray[np.int64]) -> NDArray[n
     second = (((upper - product) - error) + lower) / powers
     rounded = first + second
     rest = second - (rounded - first)
-    rounded[(rounded + rest * (1 + 1e-9) != rounded) | (whole[large] == TOO_LARGE)] = np.nan
+    rounded[rounded + rest * (1 + 1e-9) != rounded] = np.nan
     quotient[large] = rounded
     return quotient
 
