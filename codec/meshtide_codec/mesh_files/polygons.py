@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _QUAD = 4
 _FIRST_DIAGONAL = [[0, 1, 2], [0, 2, 3]]
 _SECOND_DIAGONAL = [[0, 1, 3], [1, 2, 3]]
+_BATCH = 1 << 14  # corners that are looked at together
 _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
 
@@ -57,29 +58,65 @@ def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corne
     [[0, 1, 2], [0, 2, 3]]
     """
     counts = np.asarray(counts, np.int64)
-    starts = np.cumsum(counts) - counts
     if len(counts) and counts.min() == counts.max() == 3:
         faces = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
         return Triangulation(faces, np.arange(len(counts)), None, 0)
-    parts: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []  # polygons and their triangles
-    degenerate = int((counts < 3).sum())
-    for size in np.unique(counts[counts >= 3]).tolist():
-        chosen = np.flatnonzero(counts == size)
-        places = starts[chosen, None] + np.arange(size)
-        if size == 3:
-            parts.append((chosen, places))
+    starts = np.cumsum(counts) - counts
+    amounts = np.maximum(counts - 2, 0)
+    for chosen, places in _batches(counts, starts, 4):
+        amounts[chosen[_few_vertices(corners[places])]] = 0
+    rows = np.cumsum(amounts) - amounts
+    triangles = np.empty((int(amounts.sum()), 3), np.int64)
+    inner = np.zeros(triangles.shape, bool)
+    for chosen, places in _batches(counts, starts, 3):
+        whole = amounts[chosen] > 0
+        _put(chosen[whole], places[whole], vertices, corners, rows, triangles, inner)
+    del rows, starts
+    polygon = np.repeat(np.arange(len(counts)), amounts)
+    return Triangulation(triangles, polygon, inner if inner.any() else None, int((amounts == 0).sum()))
+
+
+def _batches(
+    counts: NDArray[np.int64], starts: NDArray[np.int64], least: int
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Polygons of one size, `least` or more, some at a time: their numbers (k,), the places of their corners (k, n)."""
+    order = None
+    ordered = counts
+    if len(counts) and counts.min() < counts.max():
+        order = np.argsort(counts, kind="stable")
+        ordered = counts[order]
+    begins = np.flatnonzero(np.diff(ordered, prepend=-1))
+    sizes, ends = ordered[begins], np.append(begins[1:], len(counts))
+    for size, begin, end in zip(sizes.tolist(), begins.tolist(), ends.tolist(), strict=True):
+        if size < least:
             continue
-        few = _few_vertices(corners[places])
-        degenerate += int(few.sum())
-        chosen, places = chosen[~few], places[~few]
-        parts += _cut(vertices[corners[places]], chosen, places)
-    if not parts:
-        return Triangulation(np.zeros((0, 3), np.int64), np.zeros(0, np.int64), None, degenerate)
-    polygon = np.concatenate([one for one, _ in parts])
-    triangles = np.concatenate([one for _, one in parts])
-    order = np.argsort(polygon, kind="stable")
-    polygon, triangles = polygon[order], triangles[order]
-    return Triangulation(triangles, polygon, _inner(triangles, polygon, counts, starts), degenerate)
+        step = max(_BATCH // size, 1)
+        for low in range(begin, end, step):
+            high = min(low + step, end)
+            chosen = np.arange(low, high) if order is None else order[low:high]
+            yield chosen, starts[chosen, None] + np.arange(size)
+
+
+def _put(
+    chosen: NDArray[np.int64],
+    places: NDArray[np.int64],
+    vertices: NDArray[np.float64],
+    corners: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    triangles: NDArray[np.int64],
+    inner: NDArray[np.bool_],
+) -> None:
+    """Put the triangles of k polygons of n corners, and their inner edges, where they belong."""
+    size = places.shape[1]
+    if size == 3:
+        triangles[rows[chosen]] = places
+        return
+    for polygons, cut in _cut(vertices[corners[places]]):
+        where = rows[chosen[polygons]][:, None] + np.arange(size - 2)
+        triangles[where] = cut + places[polygons, 0][:, None, None]
+        following = cut + 1
+        following[following == size] = 0
+        inner[where] = following != cut[:, :, [1, 2, 0]]
 
 
 def _few_vertices(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -89,47 +126,55 @@ def _few_vertices(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
     return few
 
 
-def _cut(
-    points: NDArray[np.float64], chosen: NDArray[np.int64], places: NDArray[np.int64]
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Triangles of k polygons of n corners each: their positions (k, n, 3), their numbers, their corners' places."""
+def _cut(points: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Triangles of k polygons (k, n, 3), some at a time: which polygons (j,), the corners of each (j, n - 2, 3)."""
     size = points.shape[1]
+    along = np.ascontiguousarray(points.transpose(2, 1, 0))  # (3, n, k): long rows are what numpy is fast at
     with np.errstate(all="ignore"):  # what is not finite becomes a fan, and is refused with its vertex's name
-        edges = np.roll(points, -1, axis=1) - points
-        spokes = points - points[:, :1]
-        normal = np.cross(spokes, np.roll(spokes, -1, axis=1)).sum(axis=1)
-        square = (normal * normal).sum(axis=1)
+        edges = np.roll(along, -1, axis=1) - along
+        spokes = along - along[:, :1]
+        normal = _cross(spokes, np.roll(spokes, -1, axis=1)).sum(axis=1)
+        square = (normal * normal).sum(axis=0)
         before = np.roll(edges, 1, axis=1)
-        turn = np.einsum("kni,ki->kn", np.cross(before, edges), normal)
-        left = turn > _STRAIGHT * square[:, None]
-        level = turn > -_STRAIGHT * square[:, None]
-        along = (before * edges).sum(axis=2) * np.sqrt(square)[:, None]
-        once = np.abs(np.arctan2(turn, along).sum(axis=1)) < 3 * np.pi  # a star turns round twice
-        longest = (edges * edges).sum(axis=2).max(axis=1)
+        turn = (_cross(before, edges) * normal[:, None]).sum(axis=0)
+        left = turn > _STRAIGHT * square
+        if size == _QUAD:
+            yield from _halves(along, left)
+            return
+        level = turn > -_STRAIGHT * square
+        ahead = (before * edges).sum(axis=0) * np.sqrt(square)
+        once = np.abs(np.arctan2(turn, ahead).sum(axis=0)) < 3 * np.pi  # a star turns round twice
+        longest = (edges * edges).sum(axis=0).max(axis=0)
         flat = ~(np.sqrt(square) > _STRAIGHT * longest)
-    if size == _QUAD:
-        first = left[:, 1] & left[:, 3]
-        second = left[:, 0] & left[:, 2]
-        with np.errstate(all="ignore"):
-            lengths = [((points[:, i] - points[:, i + 2]) ** 2).sum(axis=1) for i in (0, 1)]
-            shorter = lengths[1] < lengths[0]
-        other = (second & ~first) | (second & shorter)
-        for mask, corners in ((~other, _FIRST_DIAGONAL), (other, _SECOND_DIAGONAL)):
-            yield np.repeat(chosen[mask], 2), places[mask][:, corners].reshape(-1, 3)
-        return
     # A fan around a corner has no flat triangle if its two neighbours are no corners on straight lines.
-    apexes = np.roll(left, 1, axis=1) & np.roll(left, -1, axis=1)
-    convex = level.all(axis=1) & once & apexes.any(axis=1)
-    fans = convex | flat
-    apex = np.where(convex, np.argmax(apexes, axis=1), 0)[fans, None]
+    apexes = np.roll(left, 1, axis=0) & np.roll(left, -1, axis=0)
+    convex = level.all(axis=0) & once & apexes.any(axis=0)
+    fans = np.flatnonzero(convex | flat)
+    apex = np.where(convex, np.argmax(apexes, axis=0), 0)[fans, None]
     ring = (apex + np.arange(size)) % size
-    turned = np.take_along_axis(places[fans], ring, axis=1)
     spans = np.arange(size - 2)
-    fan = np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)
-    yield np.repeat(chosen[fans], size - 2), turned[:, fan].reshape(-1, 3)
-    for index in np.flatnonzero(~fans).tolist():
-        ears = _ears(points[index], normal[index])
-        yield np.full(len(ears), chosen[index]), places[index][ears]
+    yield fans, ring[:, np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)]
+    for index in np.flatnonzero(~(convex | flat)).tolist():
+        yield np.array([index]), _ears(points[index], normal[:, index])[None]
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The cross products of vectors (3, n, k)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _halves(
+    along: NDArray[np.float64], left: NDArray[np.bool_]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Quadrilaterals (3, 4, k) as two triangles each; `left` (4, k) are the corners at which the outline turns left."""
+    first = left[1] & left[3]
+    second = left[0] & left[2]
+    across = along[:, :2] - along[:, 2:]
+    lengths = (across * across).sum(axis=0)
+    other = second & (~first | (lengths[1] < lengths[0]))
+    for mask, corners in ((~other, _FIRST_DIAGONAL), (other, _SECOND_DIAGONAL)):
+        chosen = np.flatnonzero(mask)
+        yield chosen, np.broadcast_to(np.array(corners), (len(chosen), 2, 3))
 
 
 def _ears(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -178,13 +223,3 @@ def _with_all_corners(triangles: list[list[int]], size: int) -> list[list[int]] 
             result.append(triangle)
     whole = [triangle for triangle in result if triangle is not None]
     return whole if len(whole) == size - 2 else None
-
-
-def _inner(
-    triangles: NDArray[np.int64], polygon: NDArray[np.int64], counts: NDArray[np.int64], starts: NDArray[np.int64]
-) -> NDArray[np.bool_] | None:
-    """Which edges (m, 3) do not lead from a corner of the outline to the next one."""
-    start, count = starts[polygon][:, None], counts[polygon][:, None]
-    following = start + (triangles - start + 1) % count
-    inner: NDArray[np.bool_] = following != np.roll(triangles, -1, axis=1)
-    return inner if inner.any() else None
