@@ -157,6 +157,8 @@ class _Body:
         rest = len(self._source.data) - self._at if self._text is None else self._text.rest()
         if rest:
             self._source.note(f"{rest} bytes after the last row: not read")
+        elif self._text is not None and not self._text.ends_with_a_line():
+            self._source.note("the last line does not end: its last number may be cut short")
 
     def place_in(self, element: PlyElement, columns: Columns) -> Callable[[int], str]:
         """What names a row of an element, with its line where the file is text."""

@@ -94,6 +94,8 @@ def faces_of(
     outlines = columns.lists[name]
     counts = outlines.counts
     corners = indices_of(outlines, len(vertices), place)
+    if corners.ndim == 1 and (counts == 3).all():
+        corners = corners.reshape(-1, 3)
     notes = [f"the list {each} of faces: not read" for each in columns.lists if each not in (name, CORNER_TEXCOORDS)]
     triangles, places, polygon, inner = corners, None, None, None
     if corners.ndim != 2 or corners.shape[1] != 3:

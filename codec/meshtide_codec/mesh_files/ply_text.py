@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 CHUNK = 1 << 20
 """Bytes of text that are parsed at a time."""
 _WORD_BYTES = 8
+_TYPICAL_WORD = 10
+_SHOWN = 40
 _SPACES = b" \t\n\r\v\f"
+_OLD_ENDS = b"\0\x1a"
 _NUMERIC = np.zeros(256, bool)
 _NUMERIC[list(b"0123456789+-.eE" + _SPACES)] = True
 _BLANK = re.compile(rb"[ \t\n\r\v\f]")
@@ -60,7 +63,7 @@ class PlyText:
         types = [kind for one in element.properties for kind in (one.item, one.length) if kind is not None]
         kind: np.dtype[Any] = np.dtype(np.int64 if all(each.kind in "iu" for each in types) else np.float64)
         words: NDArray[Any] = np.zeros(0, kind)
-        size = CHUNK
+        size = min(CHUNK, _TYPICAL_WORD * (element.count * (len(types) + 2) + 1))  # a short element of many: little
         reader = RowReader(element, _stored(element, kind), _WORD_BYTES)
         while reader.left:
             begin, end = self.at, self._cut(self.at + size)
@@ -69,15 +72,28 @@ class PlyText:
                 kind = new.dtype
                 reader.stored = _stored(element, kind)
             words = np.concatenate([words.astype(kind, copy=False), new])
-            used = reader.take(words.view(np.uint8), last=end == len(self._data)) // _WORD_BYTES
-            size = CHUNK if used else 2 * size
+            wrong = len(new) < len(starts)
+            used = reader.take(words.view(np.uint8), last=end == len(self._data) and not wrong) // _WORD_BYTES
             words = words[used:]
-            self.at = end if reader.left or len(words) == 0 else begin + int(starts[len(starts) - len(words)])
+            if wrong and reader.left:
+                self._refuse(begin + int(starts[len(new)]))
+            size = max(size, CHUNK) if used else 2 * size
+            rest = len(words) + len(starts) - len(new)
+            self.at = end if reader.left or rest == 0 else begin + int(starts[len(starts) - rest])
         return reader
+
+    def _refuse(self, place: int) -> NoReturn:
+        word = self._data[place : self._cut(place)]
+        shown = word[:_SHOWN].decode("ascii", "replace")
+        raise MeshFileError(f"line {self._line_at(place)}: {shown!r} is no number")
 
     def rest(self) -> int:
         """How many bytes follow the last row, but for blanks and what old systems end text with."""
-        return len(self._data[self.at :].strip(_SPACES + b"\0\x1a"))
+        return len(self._data[self.at :].strip(_SPACES + _OLD_ENDS))
+
+    def ends_with_a_line(self) -> bool:
+        """Whether something stands after the last word, so that it is whole."""
+        return self._data[-1:] in _SPACES + _OLD_ENDS
 
     def line(self, word: int) -> int:
         """The number, from 1, of the file's line that the word of that number of the rows stands in."""
@@ -100,26 +116,23 @@ class PlyText:
         return len(self._data) if found is None else found.start()
 
     def _parsed(self, begin: int, end: int, kind: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
-        """The numbers of a part of the text, and where each begins in it."""
+        """The numbers of a part of the text as far as its words are any, and where each word begins in it."""
         text = self._data[begin:end]
         starts = _starts(text)
         if len(starts) == 0:
             return np.zeros(0, kind), starts
         if _NUMERIC[np.frombuffer(text, np.uint8)].all():
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", DeprecationWarning)  # where it stops early the count tells
-                numbers = np.fromstring(text, kind, sep=" ")
+            numbers = _simple_numbers(text, kind)
             saturated = kind.kind == "i" and (numbers == _LARGEST).any()
             if len(numbers) == len(starts) and not saturated:
                 return numbers, starts
-        numbers = np.empty(len(starts))
+        doubles = np.empty(len(starts))
         for place, word in enumerate(text.split()):
-            try:
-                numbers[place] = _number(word)
-            except ValueError:
-                line = self._line_at(begin + int(starts[place]))
-                raise MeshFileError(f"line {line}: {word[:40].decode('ascii', 'replace')!r} is no number") from None
-        return numbers, starts
+            number = _number(word)
+            if number is None:
+                return doubles[:place], starts
+            doubles[place] = number
+        return doubles, starts
 
 
 def _stored(element: PlyElement, kind: np.dtype[Any]) -> list[Stored]:
@@ -132,13 +145,21 @@ def _starts(text: bytes) -> NDArray[np.int64]:
     return np.flatnonzero(blank[:-1] & ~blank[1:])
 
 
-def _number(word: bytes) -> float:
+def _simple_numbers(text: bytes, kind: np.dtype[Any]) -> NDArray[Any]:
+    """The numbers of a text in the words of the type; fewer than it has words where one of these is another."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of a numpy that does not raise yet
+        try:
+            return np.fromstring(text, kind, sep=" ")
+        except ValueError:
+            return np.zeros(0, kind)
+
+
+def _number(word: bytes) -> float | None:
+    """The number that a word is, or None if it is none."""
     if b"_" in word:
-        raise ValueError
+        return None
     try:
         return float(word)
     except ValueError:
-        spelling = _SPELLINGS.get(word.lower())
-        if spelling is None:
-            raise
-        return spelling
+        return _SPELLINGS.get(word.lower())
