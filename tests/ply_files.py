@@ -135,9 +135,7 @@ def variants(draw: st.DrawFn, forms: Sequence[str] = FORMS) -> Variant:
     quarters = st.integers(-40, 40).map(lambda value: value / 4)
     positions = draw(st.lists(st.tuples(quarters, quarters, quarters), min_size=count, max_size=count))
     shuffled = st.permutations(range(count))
-    polygons = [
-        list(draw(shuffled)[: draw(st.integers(3, min(count, 6)))]) for _ in range(draw(st.integers(1, 5)))
-    ]
+    polygons = [list(draw(shuffled)[: draw(st.integers(3, min(count, 6)))]) for _ in range(draw(st.integers(1, 5)))]
     scalars: dict[str, list[Any]] = {}
     kind = draw(st.sampled_from(["float", "double", "float32", "float64"]))
     columns = [(f"{kind} {axis}", [row[at] for row in positions]) for at, axis in enumerate("xyz")]

@@ -50,7 +50,10 @@ READ_RIGHT: dict[str, tuple[bytes, int, int, float, str]] = {
     "all on one line": ((SIX_HEADER + (TEXT_ROWS + SIX_ROWS).replace(b"\n", b" ")), 5, 6, 18.866621, ""),
     "a word on each line": (SIX_HEADER + (TEXT_ROWS + SIX_ROWS).replace(b" ", b"\n"), 5, 6, 18.866621, ""),
     "names in capitals": (
-        (SIX_HEADER + TEXT_ROWS + SIX_ROWS).replace(b"x\n", b"X\n").replace(b"y\n", b"Y\n").replace(b"vertex ", b"VERTEX "),
+        (SIX_HEADER + TEXT_ROWS + SIX_ROWS)
+        .replace(b"x\n", b"X\n")
+        .replace(b"y\n", b"Y\n")
+        .replace(b"vertex ", b"VERTEX "),
         5,
         6,
         18.866621,

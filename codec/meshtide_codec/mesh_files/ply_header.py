@@ -127,7 +127,7 @@ def read_header(data: bytes) -> PlyHeader:
 
     >>> header = read_header(b"ply\rformat ascii 1.0\relement Vertex 2\rproperty float X\rend_header\r")
     >>> header.elements[0].count, header.elements[0].properties[0].name, header.body
-    (2, 'X', 67)
+    (2, 'X', 66)
     """
     order: ByteOrder | None = None
     elements: list[PlyElement] = []

@@ -255,10 +255,15 @@ class RowReader:
             declared = values.astype(kind)
             if kind.kind == "f" or values.dtype.newbyteorder("=") == kind:
                 return declared
-            if not (declared == values).all() or (kind.itemsize == 8 and bool((np.abs(values) >= _EXACT).any())):
+            if not (declared == values).all() or _rounded(values, kind):
                 self.inexact.add(name)
                 return values
         return declared
+
+
+def _rounded(values: NDArray[Any], kind: np.dtype[Any]) -> bool:
+    """Whether doubles may have lost digits of integers of that type."""
+    return values.dtype.kind == "f" and kind.itemsize == 8 and bool((np.abs(values) >= _EXACT).any())
 
 
 def _everywhere(data: NDArray[np.uint8], kind: np.dtype[Any], unit: int) -> NDArray[Any]:

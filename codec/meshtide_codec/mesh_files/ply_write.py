@@ -88,7 +88,7 @@ def write_ply(scene: Scene, name: str) -> Written:
     >>> from meshtide_codec.scene import Scene
     >>> triangle = Scene.of(Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
     >>> len(write_ply(triangle, "a.ply").data)
-    316
+    285
     """
     mesh = scene.mesh()
     notes: list[str] = []
