@@ -9,6 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from meshtide_codec.attributes import NONE, Domain, Kind
+from meshtide_codec.errors import MeshError, MeshFileError
+from meshtide_codec.limits import FileLimits
+from meshtide_codec.mesh_files import load_mesh, load_scene, mesh_of
 from ply_files import (
     BIG,
     FORMS,
@@ -29,11 +34,6 @@ from ply_files import (
     variants,
     vertex,
 )
-
-from meshtide_codec.attributes import NONE, Domain, Kind
-from meshtide_codec.errors import MeshError, MeshFileError
-from meshtide_codec.limits import FileLimits
-from meshtide_codec.mesh_files import load_mesh, load_scene, mesh_of
 
 PYRAMID = ((0, 0, 0), (3, 0, 0), (0, 2, 0), (0, 0, 1.5), (3, 2, 1.5))
 SIX = ([0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [1, 4, 3], [2, 3, 4])

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ply_files import FORMS, INTEGERS, SQUARE, Element, face, mesh_in, outlines, ply, read, vertex
 
 from meshtide_codec.attributes import NONE, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh_files.ply_faces import index_list, indices_of, triangles_of_strips
 from meshtide_codec.mesh_files.ply_rows import Columns, ListColumn
+from ply_files import FORMS, INTEGERS, SQUARE, Element, face, mesh_in, outlines, ply, read, vertex
 
 
 def place(row: int) -> str:
@@ -22,7 +24,9 @@ def place(row: int) -> str:
 
 
 def column(*rows: list[Any], kind: str = "i4") -> ListColumn:
-    return ListColumn(np.array([len(row) for row in rows], np.int64), np.array(sum(rows, []), kind))
+    return ListColumn(
+        np.array([len(row) for row in rows], np.int64), np.array(functools.reduce(operator.iadd, rows, []), kind)
+    )
 
 
 @pytest.mark.parametrize("form", FORMS)

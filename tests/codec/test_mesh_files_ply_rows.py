@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files import ply_rows
 from meshtide_codec.mesh_files.ply_header import PlyElement, PlyProperty
 from meshtide_codec.mesh_files.ply_rows import Columns, RowReader, Stored
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 INDICES = PlyProperty("indices", np.dtype("i4"), np.dtype("u1"))
 LEVEL = PlyProperty("level", np.dtype("f8"))
