@@ -21,7 +21,15 @@ if TYPE_CHECKING:
     from meshtide_codec.mesh_files.gltf.document import Document, Row
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_SHAPES = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4)}
+_SHAPES = {
+    "SCALAR": (1, 1),
+    "VEC2": (1, 2),
+    "VEC3": (1, 3),
+    "VEC4": (1, 4),
+    "MAT2": (2, 2),
+    "MAT3": (3, 3),
+    "MAT4": (4, 4),
+}
 """Columns and rows; each column of a matrix begins at a multiple of four bytes."""
 _COLUMN_ALIGNMENT = 4
 
@@ -61,6 +69,18 @@ class Form:
     def element_bytes(self) -> int:
         """Bytes of an element, padding of matrices included."""
         return self.column_bytes * _SHAPES[self.shape][0]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Elements as the file has them: values (n, c), and whether they stand for 0..1 or -1..1."""
+
+    values: NDArray[Any]
+    normalized: bool
+
+    def real(self) -> NDArray[np.float64]:
+        """The values as numbers."""
+        return real(self.values, normalized=self.normalized)
 
 
 @dataclass(slots=True)
@@ -127,7 +147,9 @@ class Accessors:
     def _check_view(self, view: int, offset: int, form: Form, place: str) -> None:
         stride = self.buffers.stride(view) or form.element_bytes
         if stride < form.element_bytes:
-            raise MeshFileError(f"{place} has elements of {form.element_bytes} bytes, one for each {stride} of its view")
+            raise MeshFileError(
+                f"{place} has elements of {form.element_bytes} bytes, one for each {stride} of its view"
+            )
         needed = (form.count - 1) * stride + form.element_bytes if form.count else 0
         length = self.buffers.view_bytes(view, place)
         if offset + needed > length:
@@ -145,7 +167,9 @@ class Accessors:
         if form.count == 0:
             return np.zeros((0, form.width), form.dtype)
         table = np.ndarray(shape, form.dtype, data.data, offset, strides)
-        return np.require(table.reshape(form.count, form.width), requirements=["C", "A"])
+        if not table.flags.c_contiguous or not table.flags.aligned:
+            self.buffers.take(table.nbytes, place)
+        return np.require(table, requirements=["C", "A"]).reshape(form.count, form.width)
 
     def _replaced(self, array: NDArray[Any], sparse: Row, form: Form, place: str) -> NDArray[Any]:
         """A copy in which some elements have other values."""
@@ -168,6 +192,7 @@ class Accessors:
         chosen = tables[0].reshape(-1).astype(np.int64)
         if count and chosen.max() >= form.count:
             raise MeshFileError(f"{place} replaces element {chosen.max()}, but has {form.count}")
+        self.buffers.take(array.nbytes, place)
         result = array.copy()
         result[chosen] = tables[1]
         return result

@@ -1,8 +1,8 @@
 """The bytes of a glTF file: its buffers, wherever they are, and the views into them, compressed or not.
 
 Format: Khronos, "glTF 2.0 Specification", section 3.6.1 (buffers and buffer views) and 4.4.3 (the buffer of a GLB file);
-RFC 2397 (data URIs), RFC 3986 (percent encoding). Buffers are opened when something asks for them, so what nobody needs
-may be missing. What a file makes out of less than it holds (compressed views, accessors without bytes) is taken
+RFC 2397 (data URIs), RFC 3986 (percent encoding). Buffers are opened when something asks for them, so what nobody
+needs may be missing. What a file makes out of less than it holds (compressed views, accessors without bytes) is taken
 from one budget.
 """
 
@@ -103,6 +103,10 @@ class Buffers:
         if size > most - self._made:
             raise MeshFileError(f"{what} makes {size} bytes, more than a file of {held} bytes may")
         self._made += size
+
+    def held(self) -> int:
+        """Bytes of the buffers that were opened."""
+        return sum(map(len, self._buffers.values()))
 
     def _part(self, index: int, offset: int, length: int, place: str) -> NDArray[np.uint8]:
         data = self.buffer(index, place)

@@ -60,18 +60,18 @@ def counts(data: bytes) -> tuple[int, int]:
     flags = int.from_bytes(reader.taken(2), "little")
     if kind != 1 or method > 1 or major not in {1, 2}:
         raise MeshFileError(f"a stream of {DRACO} is no mesh, or of unknown version {major}.{minor}")
-    old = (major, minor) < (2, 2)
-    if flags & _METADATA and not old:
+    if flags & _METADATA:
         reader.skip_metadata()
-    if method == 0:
-        faces, vertices = (reader.word(), reader.word()) if old else (reader.number(), reader.number())
-        return vertices, faces
-    reader.taken(1)
-    if old and (major, minor) < (2, 0):
-        reader.word()
-        return reader.word(), reader.word()
-    vertices, faces = reader.number(), reader.number()
-    return vertices, faces
+    version = (major, minor)
+    if method == 0:  # sequential
+        number = reader.word if version < (2, 2) else reader.number
+        faces = number()
+        return number(), faces
+    reader.taken(1)  # the kind of its traversal
+    number = reader.word if version < (2, 0) else reader.number
+    if version < (2, 2):
+        number()  # vertices that splits make
+    return number(), number()
 
 
 def decode(data: bytes) -> DracoMesh:

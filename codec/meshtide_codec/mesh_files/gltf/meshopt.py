@@ -92,8 +92,10 @@ def packed(view: Mapping[str, Any], where: str) -> Packed | None:
         if not isinstance(filtered, str) or filtered not in _FILTERS:
             raise MeshFileError(f"{place} has an unknown filter: {shown(filtered)}")
         keys = ("buffer", "byteOffset", "byteLength", "byteStride", "count")
-        numbers = [integer(row, key, place, 0 if key == "byteOffset" else None) for key in keys]
-        found = Packed(name, *numbers, mode, filtered)
+        buffer, offset, length, stride, count = (
+            integer(row, key, place, 0 if key == "byteOffset" else None) for key in keys
+        )
+        found = Packed(name, buffer, offset, length, stride, count, mode, filtered)
         _check(found, place)
         return found
     return None

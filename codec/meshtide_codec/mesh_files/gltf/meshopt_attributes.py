@@ -137,7 +137,8 @@ class _Walk:
 
     def _group_values(self, starts: NDArray[np.int64], width: int) -> Bytes:
         if width == _LITERAL:
-            return self.body[np.minimum(starts[:, None] + np.arange(_GROUP), len(self.body) - 1)]
+            literal: Bytes = self.body[np.minimum(starts[:, None] + np.arange(_GROUP), len(self.body) - 1)]
+            return literal
         packed = self.body[starts[:, None] + np.arange(2 * width)]
         taken = _unpacked(packed, width)
         escaped = taken == (1 << width) - 1
@@ -148,16 +149,17 @@ class _Walk:
 
 
 def _sizes(body: Bytes, width: int) -> bytes:
-    """How long a group of that width is that begins at each byte: its packed deltas, and a byte for each escaped one."""
+    """How long a group of that width is that begins at each byte: packed deltas, and a byte for each escaped one."""
     table = (_unpacked(np.arange(256, dtype=np.uint8)[:, None], width) == (1 << width) - 1).sum(axis=1)
     sums = np.concatenate([[0], np.cumsum(table[body])])
     packed = 2 * width
     ends = np.minimum(np.arange(len(body)) + packed, len(body))
-    return (packed + sums[ends] - sums[:-1]).astype(np.uint8).tobytes()
+    sizes: Bytes = (packed + sums[ends] - sums[:-1]).astype(np.uint8)
+    return sizes.tobytes()
 
 
 def _unpacked(packed: Bytes, width: int) -> Bytes:
-    """Values (n, k * 8 / width) of bytes (n, k); of several in a byte the highest bits come first, but single bits last."""
+    """Values (n, k * 8 / width) of bytes (n, k): the highest bits of a byte come first, but single bits last."""
     shifts = np.arange(0, 8, width) if width == 1 else np.arange(8 - width, -1, -width)
     spread = packed[:, :, None] >> shifts.astype(np.uint8) & np.uint8((1 << width) - 1)
     return spread.reshape(len(packed), -1)

@@ -6,7 +6,7 @@ specification calls unspecified (no such number of bits) becomes some number; no
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def quaternion(rows: Bytes) -> Bytes:
     three = taken[:, :3] / (taken[:, 3:] | 3) / np.sqrt(2.0)
     largest = np.sqrt(np.maximum(0, 1 - (three * three).sum(axis=1)))
     result = np.empty((len(rows), 4), np.dtype("<i2"))
-    places = ((taken[:, 3:] & 3) + [1, 2, 3, 0]) % 4
+    places: NDArray[np.int64] = ((taken[:, 3:] & 3) + [1, 2, 3, 0]) % 4
     whole = _rounded(np.column_stack([three, largest]) * _SHORT, result.dtype)
     np.put_along_axis(result, places, whole, axis=1)
     return result.view(np.uint8)
@@ -68,9 +68,9 @@ def color(rows: Bytes) -> Bytes:
     return _rounded(whole * (np.iinfo(unsigned).max / scale)[:, None], unsigned).view(np.uint8)
 
 
-def _rounded(values: Floats, dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
+def _rounded(values: Floats, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Whole numbers, halves away from zero, within the type."""
-    bounds = np.iinfo(dtype)  # type: ignore[type-var]
+    bounds = np.iinfo(dtype)
     with np.errstate(all="ignore"):
         whole = np.trunc(np.nan_to_num(values) + np.copysign(0.5, np.nan_to_num(values)))
     return np.clip(whole, bounds.min, bounds.max).astype(dtype)

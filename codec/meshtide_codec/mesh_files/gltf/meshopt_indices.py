@@ -71,7 +71,7 @@ def decode_triangles(data: NDArray[np.uint8], count: int) -> NDArray[np.uint32]:
         raise MeshFileError("its table of codes is not one")
     stream = _Stream(data[1 + triangles : len(data) - _TABLE].tobytes())
     try:
-        indices = _triangles(data[1 : 1 + triangles].tobytes(), stream, table.tolist())
+        indices = _Recent(stream, table.tolist()).triangles(data[1 : 1 + triangles].tobytes())
     except IndexError:  # of bytes, which end before the triangles do
         raise MeshFileError("it is cut short") from None
     if stream.place != len(stream.data):
@@ -104,63 +104,76 @@ class _Stream:
         raise MeshFileError("a number is longer than five bytes")
 
 
-def _triangles(codes: bytes, stream: _Stream, table: list[int]) -> list[int]:
-    result: list[int] = []
-    edges_a, edges_b, vertices = [-1] * 16, [-1] * 16, [-1] * 16
-    edge = vertex = 0  # where the next one goes; 1 before it stands the newest
-    following = 0
-    for code in codes:
-        if code < 0xF0:
-            near = (edge - 1 - (code >> 4)) & 15
-            a, b = edges_a[near], edges_b[near]
-            low = code & 15
-            if low == 0:
-                c, following = following, (following + 1) & _WORD
-            elif low < 13:
-                c = vertices[(vertex - 1 - low) & 15]
-            elif low < 15:
-                c = stream.last = (stream.last + 2 * low - 27) & _WORD  # one less, or one more
+class _Recent:
+    """The last 16 edges and vertices, each list with the place of the next one; -1 stands for none."""
+
+    def __init__(self, stream: _Stream, table: list[int]) -> None:
+        self.stream = stream
+        self.table = table
+        self.starts, self.ends, self.edge = [-1] * 16, [-1] * 16, 0
+        self.vertices, self.vertex = [-1] * 16, 0
+        self.following = 0
+
+    def triangles(self, codes: bytes) -> list[int]:
+        """The corners that the codes stand for, one after the other."""
+        result: list[int] = []
+        starts, ends = self.starts, self.ends
+        for code in codes:
+            if code < 0xF0:
+                near = (self.edge - 1 - (code >> 4)) & 15
+                a, b, c = starts[near], ends[near], self._third(code & 15)
             else:
-                c = stream.index()
-            if a < 0 or c < 0:
+                a, b, c = self._three(code)
+                starts[self.edge], ends[self.edge] = b, a
+                self.edge = (self.edge + 1) & 15
+            if a < 0 or b < 0 or c < 0:
                 raise MeshFileError("a triangle leans on an edge or vertex that did not come")
-            if low == 0 or low >= 13:
-                vertices[vertex] = c
-                vertex = (vertex + 1) & 15
-        else:
-            if code >= 0xFE:
-                pair = stream.byte()
-                if pair == 0:
-                    following = 0
-            else:
-                pair = table[code & 15]
-            if code == 0xFF:
-                a = stream.index()
-            else:
-                a, following = following, (following + 1) & _WORD
-            corners = []
-            for place in (pair >> 4, pair & 15):
-                if place == 0:
-                    corners.append(following)
-                    following = (following + 1) & _WORD
-                elif place < 15:
-                    corners.append(vertices[(vertex - place) & 15])
-                else:
-                    corners.append(stream.index())
-            b, c = corners
-            if b < 0 or c < 0:
-                raise MeshFileError("a triangle leans on a vertex that did not come")
-            edges_a[edge], edges_b[edge] = b, a
+            edge = self.edge
+            starts[edge], ends[edge] = c, b
             edge = (edge + 1) & 15
-            vertices[vertex] = a
-            vertex = (vertex + 1) & 15
-            for place, corner in ((pair >> 4, b), (pair & 15, c)):
-                if place in {0, 15}:
-                    vertices[vertex] = corner
-                    vertex = (vertex + 1) & 15
-        edges_a[edge], edges_b[edge] = c, b
-        edge = (edge + 1) & 15
-        edges_a[edge], edges_b[edge] = a, c
-        edge = (edge + 1) & 15
-        result += (a, b, c)
-    return result
+            starts[edge], ends[edge] = a, c
+            self.edge = (edge + 1) & 15
+            result += (a, b, c)
+        return result
+
+    def _third(self, place: int) -> int:
+        """The third corner of a triangle on a known edge."""
+        if 0 < place < 13:
+            return self.vertices[(self.vertex - 1 - place) & 15]
+        if place == 0:
+            corner = self._next()
+        elif place < 15:  # one less than the last index, or one more
+            corner = self.stream.last = (self.stream.last + 2 * place - 27) & _WORD
+        else:
+            corner = self.stream.index()
+        self._push(corner)
+        return corner
+
+    def _three(self, code: int) -> tuple[int, int, int]:
+        """The corners of a triangle on no known edge."""
+        pair = self.table[code & 15]
+        if code >= 0xFE:
+            pair = self.stream.byte()
+            if pair == 0:
+                self.following = 0
+        a = self.stream.index() if code == 0xFF else self._next()
+        b, c = self._corner(pair >> 4), self._corner(pair & 15)
+        self._push(a)
+        for place, corner in ((pair >> 4, b), (pair & 15, c)):
+            if place in {0, 15}:
+                self._push(corner)
+        return a, b, c
+
+    def _corner(self, place: int) -> int:
+        if place == 0:
+            return self._next()
+        return self.vertices[(self.vertex - place) & 15] if place < 15 else self.stream.index()
+
+    def _next(self) -> int:
+        corner = self.following
+        self.following = (corner + 1) & _WORD
+        return corner
+
+    def _push(self, corner: int) -> None:
+        self.vertices[self.vertex] = corner
+        self.vertex = (self.vertex + 1) & 15
