@@ -1,9 +1,9 @@
 """The bytes of a glTF file: its buffers, wherever they are, and the views into them, compressed or not.
 
-Format: Khronos, "glTF 2.0 Specification", section 3.6.1 (buffers and buffer views) and 4.4.3 (the buffer of a GLB file);
-RFC 2397 (data URIs), RFC 3986 (percent encoding). Buffers are opened when something asks for them, so what nobody
-needs may be missing. What a file makes out of less than it holds (compressed views, accessors without bytes) is taken
-from one budget.
+Format: Khronos, "glTF 2.0 Specification", sections 3.6.1 (buffers and buffer views) and 4.4.3 (the buffer of a GLB
+file); RFC 2397 (data URIs), RFC 3986 (percent encoding). Buffers are opened when something asks for them, so what
+nobody needs may be missing. What a file makes out of less than it holds (compressed views, accessors without bytes) is
+taken from one budget.
 """
 
 from __future__ import annotations

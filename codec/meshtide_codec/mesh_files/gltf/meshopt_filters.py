@@ -40,7 +40,7 @@ def quaternion(rows: Bytes) -> Bytes:
     three = taken[:, :3] / (taken[:, 3:] | 3) / np.sqrt(2.0)
     largest = np.sqrt(np.maximum(0, 1 - (three * three).sum(axis=1)))
     result = np.empty((len(rows), 4), np.dtype("<i2"))
-    places: NDArray[np.int64] = ((taken[:, 3:] & 3) + [1, 2, 3, 0]) % 4
+    places = ((taken[:, 3:] & 3) + np.array([1, 2, 3, 0])) % 4
     whole = _rounded(np.column_stack([three, largest]) * _SHORT, result.dtype)
     np.put_along_axis(result, places, whole, axis=1)
     return result.view(np.uint8)
@@ -65,10 +65,11 @@ def color(rows: Bytes) -> Bytes:
     alpha &= scale >> 1
     alpha = alpha << 1 | alpha & 1
     whole = np.stack([y + orange - green, y + green, y - orange - green, alpha], axis=1)
-    return _rounded(whole * (np.iinfo(unsigned).max / scale)[:, None], unsigned).view(np.uint8)
+    result = _rounded(whole * (np.iinfo(unsigned).max / scale)[:, None], unsigned)
+    return result.view(np.uint8)
 
 
-def _rounded(values: Floats, dtype: np.dtype[Any]) -> NDArray[Any]:
+def _rounded(values: Floats, dtype: np.dtype[Any]) -> NDArray[np.integer[Any]]:
     """Whole numbers, halves away from zero, within the type."""
     bounds = np.iinfo(dtype)
     with np.errstate(all="ignore"):
