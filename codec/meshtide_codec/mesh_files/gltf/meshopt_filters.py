@@ -50,7 +50,7 @@ def exponential(rows: Bytes) -> Bytes:
     """Floats of a mantissa of 24 bits and an exponent of 8; rows of any multiple of 4 bytes."""
     taken = rows.view("<i4")
     with np.errstate(all="ignore"):
-        values = np.ldexp((taken << 8 >> 8).astype(np.float64), taken >> 24).astype("<f4")
+        values: NDArray[np.float32] = np.ldexp((taken << 8 >> 8).astype(np.float64), taken >> 24).astype("<f4")
     return values.view(np.uint8)
 
 

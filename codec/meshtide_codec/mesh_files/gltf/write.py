@@ -19,7 +19,7 @@ from meshtide_codec.mesh_files.formats import Written
 from meshtide_codec.mesh_files.gltf.extensions import GEOMETRIC, QUANTIZATION
 from meshtide_codec.mesh_files.gltf.glb import pack
 from meshtide_codec.mesh_files.gltf.write_buffer import Buffer
-from meshtide_codec.mesh_files.gltf.write_vertices import Part, parts
+from meshtide_codec.mesh_files.gltf.write_vertices import Losses, Part, parts
 from meshtide_codec.mesh_files.source import format_suffix
 
 if TYPE_CHECKING:
@@ -71,8 +71,7 @@ def write_gltf(scene: Scene, name: str) -> Written:
         text = json.dumps(root, separators=(",", ":"), allow_nan=False).encode()
     except (TypeError, ValueError, RecursionError) as error:
         raise MeshFileError(f"what the scene keeps beside its geometry is no JSON: {error}") from error
-    notes = tuple(dict.fromkeys(writing.notes))
-    return Written(pack(text, data) if is_glb else text, writing.companions, notes)
+    return Written(pack(text, data) if is_glb else text, writing.companions, writing.losses.notes())
 
 
 @dataclass(slots=True)
@@ -84,7 +83,7 @@ class _Writing:
     is_glb: bool
     buffer: Buffer = field(default_factory=Buffer)
     companions: dict[str, bytes] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    losses: Losses = field(default_factory=Losses)
     quantized: bool = False
 
     def document(self) -> dict[str, Any]:
@@ -124,7 +123,7 @@ class _Writing:
         extensions = extensions if isinstance(extensions, dict) else {}
         lost = sorted(name for name, value in extensions.items() if _points(value))
         if lost:
-            self.notes.append(f"{', '.join(lost)}: left out, as it points into the file that was read")
+            self.losses.lines[f"{', '.join(lost)}: left out, as it points into the file that was read"] = None
         kept = {name: value for name, value in extensions.items() if name not in lost}
         named = root.pop("extensionsUsed", [])
         gone = {*GEOMETRIC, *lost}
@@ -142,7 +141,7 @@ class _Writing:
         if len(mesh.vertices) == 0:
             return None
         name = self.scene.names[index] if index < len(self.scene.names) else ""
-        found = parts(mesh, f"geometry {index}", self.notes)
+        found = parts(mesh, f"geometry {index}", self.losses)
         primitives = [primitive for part in found for primitive in self._primitives(part)]
         return {**({"name": name} if name else {}), "primitives": primitives}
 

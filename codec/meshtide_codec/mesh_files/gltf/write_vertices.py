@@ -9,7 +9,7 @@ vertices, in their order.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,22 +46,47 @@ class Part:
     primitives: tuple[tuple[int, NDArray[np.int64]], ...]
 
 
-def parts(mesh: Mesh, where: str, notes: list[str]) -> list[Part]:
-    """The parts of a mesh; what is rounded or left out is added to the notes.
+@dataclass(slots=True)
+class Losses:
+    """What glTF cannot hold of the meshes that are written, told once for all of them.
+
+    Args:
+        lines: what is left out or changed.
+        rounding: of each attribute that was rounded the largest error.
+    """
+
+    lines: dict[str, None] = field(default_factory=dict)
+    rounding: dict[str, float] = field(default_factory=dict)
+
+    def rounded(self, name: str, before: NDArray[Any], after: NDArray[Any]) -> None:
+        """Note how far values were moved by their type."""
+        with np.errstate(all="ignore"):
+            lost = np.abs(after.astype(np.float64) - before)
+        error = float(lost[np.isfinite(lost)].max(initial=0))
+        if error:
+            self.rounding[name] = max(error, self.rounding.get(name, 0))
+
+    def notes(self) -> tuple[str, ...]:
+        """A line each."""
+        told = (f"{name}: rounded to 32-bit floats, by {error:.3g} at most" for name, error in self.rounding.items())
+        return (*self.lines, *told)
+
+
+def parts(mesh: Mesh, where: str, losses: Losses) -> list[Part]:
+    """The parts of a mesh; what is rounded or left out is added to the losses.
 
     Raises:
         MeshFileError: a position is not finite.
     """
-    positions = _positions(mesh, where, notes)
+    positions = _positions(mesh, where, losses)
     if mesh.polygons is not None and mesh.polygons.any():
-        notes.append("polygons: written as the triangles that they were cut into; glTF has no others")
-    attributes = _legal(mesh.attributes, notes)
+        losses.lines["polygons: written as the triangles that they were cut into; glTF has no others"] = None
+    attributes = _legal(mesh.attributes, losses)
     rows = [_corner_rows(mesh, one) for one in attributes]
     lacking = np.array([(row == NONE).all(axis=1) for row in rows]).reshape(len(rows), len(mesh.faces))
     for one, row, lacks in zip(attributes, rows, lacking, strict=True):
-        partly = int(((row == NONE).any(axis=1) & ~lacks).sum())
-        if partly:
-            notes.append(f"{one.name}: {partly} faces have it at some corners only; zeros stand at the others")
+        if ((row == NONE).any(axis=1) & ~lacks).any():
+            losses.lines[f"{one.name}: some faces have it at some corners only; zeros stand at the others"] = None
     if not lacking.any():
         return [_part(mesh, positions, attributes, rows, np.arange(len(mesh.faces)), whole=True)]
     patterns, pattern = np.unique(lacking, axis=1, return_inverse=True)
@@ -74,32 +99,29 @@ def parts(mesh: Mesh, where: str, notes: list[str]) -> list[Part]:
     return result
 
 
-def _positions(mesh: Mesh, where: str, notes: list[str]) -> NDArray[np.float32]:
+def _positions(mesh: Mesh, where: str, losses: Losses) -> NDArray[np.float32]:
     with np.errstate(all="ignore"):
         positions = mesh.vertices.astype(np.float32)
     bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
     if len(bad):
         raise MeshFileError(f"vertex {bad[0]} of {where} is no number of 32 bits: {mesh.vertices[bad[0]].tolist()}")
-    error = float(np.abs(positions - mesh.vertices).max(initial=0))
-    if error:
-        notes.append(f"positions of {where}: rounded to 32-bit floats, by {error:.3g} at most")
+    losses.rounded("positions", mesh.vertices, positions)
     return positions
 
 
-def _legal(attributes: Sequence[Attribute], notes: list[str]) -> list[Attribute]:
+def _legal(attributes: Sequence[Attribute], losses: Losses) -> list[Attribute]:
     """The attributes by names and types that glTF allows."""
     taken = {one.name for one in attributes if _OWN_NAME.fullmatch(one.name)}
     result: list[Attribute] = []
     for one in attributes:
         width = one.values.shape[1]
         if width not in _SHAPES:
-            notes.append(f"{one.name}: left out, as glTF has no attributes of {width} components")
+            losses.lines[f"{one.name}: left out, as glTF has no attributes of {width} components"] = None
             continue
         name = _name(one, taken, {other.name for other in result})
         values, normalized = _typed(one, name.partition("_")[0])
-        error = _rounding(one, values)
-        if error:
-            notes.append(f"{one.name}: rounded to 32-bit floats, by {error:.3g} at most")
+        if values.dtype.kind == "f" and not one.normalized:
+            losses.rounded(one.name, one.values, values)
         result.append(replace(one, name=name, values=values, normalized=normalized))
     return result
 
@@ -137,14 +159,6 @@ def _typed(attribute: Attribute, family: str) -> tuple[NDArray[Any], bool]:
         return values.astype(values.dtype.newbyteorder("<")), attribute.normalized
     with np.errstate(all="ignore"):
         return real(values, normalized=attribute.normalized).astype("<f4"), False
-
-
-def _rounding(attribute: Attribute, values: NDArray[Any]) -> float:
-    if values.dtype.kind != "f" or attribute.values.dtype.itemsize < 4 or attribute.normalized:
-        return 0.0
-    with np.errstate(all="ignore"):
-        lost = np.abs(values.astype(np.float64) - attribute.values)
-    return float(lost[np.isfinite(lost)].max(initial=0))
 
 
 def _corner_rows(mesh: Mesh, attribute: Attribute) -> NDArray[np.int64]:
