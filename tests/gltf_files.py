@@ -7,16 +7,18 @@ import json
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.read import mesh_of, read_source
 from meshtide_codec.mesh_files.source import Source
 from meshtide_codec.scene import Scene
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
 SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}

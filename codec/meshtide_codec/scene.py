@@ -163,9 +163,9 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
 
 
 def _turned(normals: NDArray[Any], linear: NDArray[np.float64]) -> NDArray[np.floating]:
-    """Normals (k, 3) under a linear map: by the matrix of its cofactors, and of length one again; floats keep their type.
+    """Normals (k, 3) under a linear map, by the matrix of its cofactors, and of length one again.
 
-    Integers become 32-bit floats.
+    Floats keep their type, so that meshes that were placed and others share one attribute; integers become float32.
     """
     cofactors = np.stack([np.cross(linear[i - 2], linear[i - 1]) for i in range(3)])
     turned: NDArray[np.float64] = normals @ cofactors.T * (-1.0 if np.linalg.det(linear) < 0 else 1.0)

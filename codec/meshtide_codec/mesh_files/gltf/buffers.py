@@ -145,7 +145,7 @@ class Buffers:
         if uri not in self._beside:
             data = opened(uri, self.source, self.limits, place)
             if data is None:
-                raise MeshFileError(f"{place} is not there: the file {shown(unquote(uri))!r} beside {self.source.name}")
+                raise MeshFileError(f"{place} is not there: the file '{shown(unquote(uri))}' beside {self.source.name}")
             self._held += 0 if uri.startswith("data:") else len(data)
             if self._held > self.limits.file_bytes:
                 raise MeshFileError(f"the buffers take more than the {self.limits.file_bytes} bytes that are read")
@@ -162,12 +162,12 @@ def opened(uri: str, source: Source, limits: FileLimits, place: str) -> bytes | 
     if uri[:5].lower() == "data:":
         return _data(uri, place)
     if _SCHEME.match(uri):
-        raise MeshFileError(f"{place} names {shown(uri)!r}; only files beside {source.name} are read")
+        raise MeshFileError(f"{place} names '{shown(uri)}'; only files beside {source.name} are read")
     for name in dict.fromkeys((unquote(uri), uri)):
         try:
             data = source.beside(name, limits)
         except (OSError, ValueError, RuntimeError) as error:  # no name of a file, too long, links in a circle
-            raise MeshFileError(f"{place} names {shown(name)!r}, which cannot be read: {_reason(error)}") from error
+            raise MeshFileError(f"{place} names '{shown(name)}', which cannot be read: {_reason(error)}") from error
         if data is not None:
             return data
     return None

@@ -91,7 +91,7 @@ def _check_version(root: Row) -> None:
 def shown(value: object) -> str:
     """A value as a message may hold it: short, in one line."""
     words = str(value)[:50] if isinstance(value, str | int | float | None) else type(value).__name__
-    return words.encode("ascii", "backslashreplace").decode()
+    return ascii(words)[1:-1]
 
 
 def rows(row: Mapping[str, Any], key: str, where: str) -> list[Row]:
