@@ -5,12 +5,15 @@ from __future__ import annotations
 import base64
 import json
 import struct
+import tracemalloc
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 
+from meshtide_codec.errors import MeshFileError
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.read import mesh_of, read_source
@@ -24,6 +27,8 @@ COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 
 SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
 PYRAMID = np.array([[0, 0, 0], [3, 0, 0], [3, 2, 0], [0, 2, 0], [1, 1, 1.5]], "<f4")
+AREA = 15.7111026
+"""Of the pyramid."""
 PYRAMID_FACES = np.array([[0, 2, 1], [0, 3, 2], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
 
 
@@ -46,8 +51,8 @@ class GltfFile:
     def accessor(self, values: Any, dtype: str | None = None, stride: int = 0, **more: Any) -> int:
         """An accessor of values (n, c), or (n,) for numbers; with a stride its elements stand apart."""
         table = np.asarray(values, dtype)
-        table = table.reshape(len(table), -1)
-        rows = np.ascontiguousarray(table).view(np.uint8).reshape(len(table), -1)
+        table = table[:, None] if table.ndim == 1 else table
+        rows = np.ascontiguousarray(table).view(np.uint8).reshape(len(table), table.shape[1] * table.dtype.itemsize)
         if stride:
             rows = np.pad(rows, ((0, 0), (0, stride - rows.shape[1])), constant_values=0xEE)
         view = self.view(rows.tobytes(), **({"byteStride": stride} if stride else {}))
@@ -115,6 +120,17 @@ def read(
 
 def read_mesh(data: bytes | GltfFile, suffix: str = ".glb", folder: Path | None = None) -> Mesh:
     return mesh_of(read(data, suffix, folder)).mesh
+
+
+def refusal_peak(data: bytes, message: str, limits: FileLimits | None = None) -> int:
+    """The bytes that reading takes at most before the file is refused."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(MeshFileError, match=message):
+            read(data, limits=limits)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
 
 
 def area(mesh: Mesh) -> float:

@@ -43,13 +43,15 @@ class Form:
         dtype: of a component.
         shape: its type, such as VEC3.
         normalized: integers that stand for 0..1, or -1..1 where they are signed.
-        backed: whether bytes stand behind it, of its own or sparse ones.
+        viewed: whether bytes stand behind all of it.
+        backed: whether bytes stand behind it, be it sparse ones.
     """
 
     count: int
     dtype: np.dtype[Any]
     shape: str
     normalized: bool
+    viewed: bool
     backed: bool
 
     @property
@@ -111,8 +113,8 @@ class Accessors:
                 raise MeshFileError(f"{place} is of an unknown type: {component}, {shown(shape)}")
             count, view = integer(row, "count", place), optional(row, "bufferView", place)
             normalized = row.get("normalized", False) is True and component != 5126
-            backed = view is not None or "sparse" in row
-            form = Form(count, np.dtype(_TYPES[component]), shape, normalized, backed)
+            viewed = view is not None
+            form = Form(count, np.dtype(_TYPES[component]), shape, normalized, viewed, viewed or "sparse" in row)
             if view is not None:
                 self._check_view(view, integer(row, "byteOffset", place, 0), form, place)
             self._forms[index] = form
@@ -145,7 +147,7 @@ class Accessors:
         return real(self.array(index, where), normalized=self.form(index, where).normalized)
 
     def _check_view(self, view: int, offset: int, form: Form, place: str) -> None:
-        stride = self.buffers.stride(view) or form.element_bytes
+        stride = self.buffers.stride(view, place) or form.element_bytes
         if stride < form.element_bytes:
             raise MeshFileError(
                 f"{place} has elements of {form.element_bytes} bytes, one for each {stride} of its view"
@@ -160,7 +162,7 @@ class Accessors:
 
     def _elements(self, view: int, offset: int, form: Form, place: str) -> NDArray[Any]:
         data = self.buffers.view(view, place)
-        stride = self.buffers.stride(view) or form.element_bytes
+        stride = self.buffers.stride(view, place) or form.element_bytes
         columns, rows = _SHAPES[form.shape]
         shape = (form.count, columns, rows)
         strides = (stride, form.column_bytes, form.dtype.itemsize)
@@ -181,8 +183,8 @@ class Accessors:
         component = integer(indices, "componentType", f"sparse indices of {place}")
         if component not in {5121, 5123, 5125}:
             raise MeshFileError(f"the sparse indices of {place} are of an unknown type: {component}")
-        index_form = Form(count, np.dtype(_TYPES[component]), "SCALAR", normalized=False, backed=True)
-        value_form = Form(count, form.dtype, form.shape, form.normalized, backed=True)
+        index_form = Form(count, np.dtype(_TYPES[component]), "SCALAR", normalized=False, viewed=True, backed=True)
+        value_form = Form(count, form.dtype, form.shape, form.normalized, viewed=True, backed=True)
         tables = []
         for row, one, name in ((indices, index_form, "indices"), (values, value_form, "values")):
             what = f"sparse {name} of {place}"

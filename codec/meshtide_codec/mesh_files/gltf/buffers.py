@@ -87,10 +87,9 @@ class Buffers:
             )
         return length
 
-    def stride(self, index: int) -> int:
+    def stride(self, index: int, where: str) -> int:
         """The bytes from one element of a view to the next, or 0 where they stand close."""
-        place = f"bufferViews[{index}]"
-        return integer(self.document.row("bufferViews", index, place), "byteStride", place, 0)
+        return integer(self.document.row("bufferViews", index, where), "byteStride", f"bufferViews[{index}]", 0)
 
     def take(self, size: int, what: str) -> None:
         """Take bytes that the file does not hold from what it may make.

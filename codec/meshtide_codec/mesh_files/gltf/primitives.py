@@ -142,6 +142,8 @@ def _primitive(row: Row, mode: int, where: str, accessors: Accessors, limits: Fi
         if not form.backed or form.shape not in _POSITION_TYPES:
             why = "has no buffer view, so no bytes stand behind it" if not form.backed else f"is of type {form.shape}"
             raise MeshFileError(f"accessors[{attributes[POSITION]}], the positions of {where}, {why}")
+        if not form.viewed:  # so many zeros must be allowed before faces are made of them
+            accessors.array(attributes[POSITION], where)
         vertices = corners = form.count
         if indices is not None:
             corners = _index_count(accessors, indices, where)
