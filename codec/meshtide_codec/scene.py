@@ -162,13 +162,16 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     return moved.reversed() if determinant < 0 else moved
 
 
-def _turned(normals: NDArray[Any], linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Normals (k, 3) under a linear map: by the matrix of its cofactors, and of length one again."""
+def _turned(normals: NDArray[Any], linear: NDArray[np.float64]) -> NDArray[np.floating]:
+    """Normals (k, 3) under a linear map, by the matrix of its cofactors, and of length one again.
+
+    Floats keep their type, so that meshes that were placed and others share one attribute; integers become float32.
+    """
     cofactors = np.stack([np.cross(linear[i - 2], linear[i - 1]) for i in range(3)])
     turned: NDArray[np.float64] = normals @ cofactors.T * (-1.0 if np.linalg.det(linear) < 0 else 1.0)
     lengths = np.linalg.norm(turned, axis=1, keepdims=True)
     turned /= np.where(lengths > 0, lengths, 1.0)
-    return turned
+    return turned.astype(normals.dtype if normals.dtype.kind == "f" else np.float32)
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:

@@ -1,0 +1,162 @@
+"""Morph targets at their default weights and skins in their bind pose: what a viewer shows before anything moves.
+
+Format: Khronos, "glTF 2.0 Specification", sections 3.7.2.2 (morph targets) and 3.7.3 (skins). A skinned mesh stands
+where its joints put it: the transformation of the node that shows it does not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.gltf.accessors import real
+from meshtide_codec.mesh_files.gltf.document import integers, optional
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from meshtide_codec.mesh_files.gltf.accessors import Accessors, Table
+    from meshtide_codec.mesh_files.gltf.document import Document
+
+    Floats = NDArray[np.float64]
+
+_PIECE = 1 << 14
+"""Vertices that are moved at a time: a matrix of each takes 128 bytes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """Where a skin puts vertices.
+
+    Args:
+        joints: (j, 4, 4), from the coordinates of the mesh to those of the scene.
+        otherwise: (4, 4) for parts that have no joints.
+    """
+
+    joints: Floats
+    otherwise: Floats
+
+
+def pose(document: Document, accessors: Accessors, skin: int, worlds: Sequence[Floats], node: int) -> Pose:
+    """The bind pose of a skin, for the mesh of a node.
+
+    Raises:
+        MeshFileError: the skin names what is not there.
+    """
+    row = document.row("skins", skin, f"nodes[{node}]")
+    where = f"skins[{skin}]"
+    joints = integers(row, "joints", where)
+    if not joints or max(joints) >= len(worlds):
+        raise MeshFileError(f"{where} has joints that are no nodes")
+    matrices = np.stack([worlds[joint] for joint in joints])
+    inverse = optional(row, "inverseBindMatrices", where)
+    if inverse is not None:
+        form = accessors.form(inverse, where)
+        if form.shape != "MAT4" or form.count < len(joints):
+            raise MeshFileError(f"accessors[{inverse}] has no matrix for each of the {len(joints)} joints of {where}")
+        with np.errstate(all="ignore"):  # what overflows is refused where vertices are checked
+            stored = accessors.real(inverse, where)[: len(joints)]
+            matrices = matrices @ stored.reshape(-1, 4, 4).transpose(0, 2, 1)
+    return Pose(matrices, worlds[node])
+
+
+def posed(
+    points: Floats, directions: Sequence[NDArray[Any]], sets: Sequence[tuple[Table, Table]], pose: Pose, where: str
+) -> tuple[Floats, list[NDArray[np.float32]]]:
+    """Points and directions where the joints of a skin put them.
+
+    Args:
+        points: (n, 3).
+        directions: such as normals (n, 3) or tangents (n, 4), whose fourth component stays; they get length one.
+        sets: joints (n, 4) and weights (n, 4), one pair for each set; without any the pose's other matrix is taken.
+        pose: of the skin.
+        where: the primitive, for messages.
+
+    Raises:
+        MeshFileError: a joint with a weight is none of the skin's.
+    """
+    moved = np.empty_like(points)
+    turned = [np.array(one, np.float32) for one in directions]
+    for start in range(0, len(points), _PIECE):
+        piece = slice(start, min(start + _PIECE, len(points)))
+        with np.errstate(all="ignore"):  # what is not finite is refused where the mesh is checked
+            matrices = _blended(piece, sets, pose, where)
+            linear = matrices[:, :3, :3]
+            moved[piece] = np.einsum("kij,kj->ki", linear, points[piece]) + matrices[:, :3, 3]
+            for source, result in zip(directions, turned, strict=True):
+                vectors = np.einsum("kij,kj->ki", linear, source[piece, :3])
+                lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+                result[piece, :3] = vectors / np.where(lengths > 0, lengths, 1)
+    return moved, turned
+
+
+def _blended(piece: slice, sets: Sequence[tuple[Table, Table]], pose: Pose, where: str) -> Floats:
+    """The matrices (k, 4, 4) that move the vertices of a piece."""
+    count = piece.stop - piece.start
+    if not sets:
+        return np.broadcast_to(pose.otherwise, (count, 4, 4))
+    matrices = np.zeros((count, 4, 4))
+    total = np.zeros(count)
+    first = np.zeros(count, np.int64)
+    for number, (joint_table, weight_table) in enumerate(sets):
+        weights = real(weight_table.values[piece], normalized=weight_table.normalized)
+        weights = np.where(np.isfinite(weights), weights, 0)
+        joints = np.where(weights == 0, 0, joint_table.values[piece].astype(np.int64))
+        if joints.max() >= len(pose.joints):
+            raise MeshFileError(f"{where} has vertices of joint {joints.max()}; its skin has {len(pose.joints)} joints")
+        first = joints[:, 0] if number == 0 else first
+        total += weights.sum(axis=1)
+        for column in range(joints.shape[1]):
+            matrices += weights[:, column, None, None] * pose.joints[joints[:, column]]
+    free = total == 0  # a vertex of no joint goes with the first
+    matrices[free] = pose.joints[first[free]]
+    matrices /= np.where(free, 1, total)[:, None, None]
+    return matrices
+
+
+def mirrors(pose: Pose) -> bool:
+    """Whether all joints of a skin turn the inside out."""
+    with np.errstate(all="ignore"):
+        return bool((np.linalg.det(pose.joints[:, :3, :3]) < 0).all())
+
+
+def morphed(
+    values: Floats,
+    name: str,
+    targets: Sequence[Mapping[str, int]],
+    weights: Sequence[float],
+    accessors: Accessors,
+    where: str,
+    count: int,
+    chosen: NDArray[np.int64] | None,
+) -> Floats:
+    """Values (n, c) of an attribute with the differences of its targets added, each by its weight.
+
+    Of the targets' elements the `chosen` ones belong to the values, or all of them.
+
+    Raises:
+        MeshFileError: a target has another number of elements or components.
+    """
+    result = values
+    for target, weight in zip(targets, weights, strict=False):
+        if weight == 0 or name not in target:
+            continue
+        index = target[name]
+        form = accessors.form(index, where)
+        wide = form.width == values.shape[1] or (name == "TANGENT" and form.width == 3)
+        if form.count != count or not wide:
+            raise MeshFileError(
+                f"accessors[{index}], {name} of a target of {where}, has {form.count} elements of {form.width} "
+                f"components; the primitive has {count} of {values.shape[1]}"
+            )
+        result = result.copy() if result is values else result
+        with np.errstate(all="ignore"):
+            stored = accessors.array(index, where)
+            stored = stored if chosen is None else stored[chosen]
+            result[:, : form.width] += weight * real(stored, normalized=form.normalized)
+    return result
