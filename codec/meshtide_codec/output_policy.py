@@ -85,7 +85,9 @@ def output_file(
         OptionError: it is one of the inputs, exists and may not be replaced, is a folder, or has none to lie in.
         OSError: it cannot be looked at, or nothing can be written into its folder.
     """
-    if standard_output and str(path) == STANDARD_OUTPUT:
+    if str(path) == STANDARD_OUTPUT:
+        if not standard_output:
+            raise OptionError("this command does not write to standard output; name a file with -o")
         if sys.stdout.isatty():
             raise OptionError("standard output is a terminal; send it to a file or a pipe, or name a file with -o")
         return OutputFile(path, replace=True)

@@ -53,7 +53,7 @@ def stream_target(mesh: Path, output: Path | None, *, overwrite: bool) -> Output
     path = output or default_stream(mesh)
     target = output_file(path, [mesh], overwrite=overwrite, own=_is_stream, standard_output=True)
     if output is None and target.replaces and not overwrite and (others := _rivals(mesh)):
-        raise OptionError(f"{shown(path)} is there already, and may be that of {others[0]}; {REMEDY}")
+        raise OptionError(f"{shown(path)} is there already, and {shown(mesh)} and {others[0]} both become it; {REMEDY}")
     return target
 
 

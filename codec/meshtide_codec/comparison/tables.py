@@ -147,11 +147,13 @@ def target_table(comparisons: Iterable[MeshComparison]) -> Table:
 
 def summary_table(summaries: Sequence[Summary]) -> Table:
     """One column a quantization."""
+    from rich.text import Text  # noqa: PLC0415 - only where a table is shown
+
     table = _table("summary", ["figure"], [f"B = {summary.bits}" for summary in summaries])
     rows = {
         "meshes": [str(item.meshes) for item in summaries],
         "file without previews / Draco, geometric mean": [_figure(item.ratio) for item in summaries],
-        "the worst mesh": [f"{_figure(item.worst)} ({item.worst_mesh or 'none'})" for item in summaries],
+        "the worst mesh": [f"{_figure(item.worst)} ({shown(item.worst_mesh or 'none')})" for item in summaries],
         "stream with previews / Draco, geometric mean": [_figure(item.ratio_with_previews) for item in summaries],
         "previews, bits per vertex": [f"{item.preview_bits_per_vertex:.2f}" for item in summaries],
         "encode, vertices/s": [_rounded(item.encode_speed) for item in summaries],
@@ -160,7 +162,7 @@ def summary_table(summaries: Sequence[Summary]) -> Table:
         "Draco ": [_rounded(item.draco_decode_speed) for item in summaries],
     }
     for name, cells in rows.items():
-        table.add_row(name, *cells)
+        table.add_row(name, *map(Text, cells))
     return table
 
 
