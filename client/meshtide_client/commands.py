@@ -321,7 +321,7 @@ def export(
 ) -> None:
     """Write a folder of .tide files, with a list of them, that works on any web server.
 
-    What an earlier export of a file of the same name put there is made anew; other meshes of the folder stay.
+    What an earlier export of the same source put there is made anew; other meshes of the folder stay.
 
     Example: meshtide export scans/ http://localhost:8000 --static site; python -m http.server --directory site
     """

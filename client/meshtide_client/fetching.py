@@ -117,10 +117,9 @@ class Destination:
             OSError: a folder may not be written.
         """
         read = [address.location] if isinstance(address, TideAddress) and address.kind == "local" else []
-        for path in dict.fromkeys((self.stream_file, self.partial_path)):
-            if path is not None:
-                output_file(path, read, overwrite=self.overwrite, own=_is_download)
-        self.check_output(*read, *([] if self.partial_path is None else [self.partial_path]))
+        self.check_output(*read, *([] if self.stream_file is None else [self.stream_file]))
+        if self.partial_path is not None:
+            output_file(self.partial_path, read, overwrite=self.overwrite, own=_is_download)
         if self.keep_levels is not None:
             check_levels(self.keep_levels, address.file_stem, overwrite=self.overwrite)
             self.keep_levels.mkdir(parents=True, exist_ok=True)

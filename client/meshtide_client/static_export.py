@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from meshtide_codec.output_policy import OutputFile
 
 COLLECTION = "meshes"
+ORIGIN = "origin"
+"""Member of each mesh in the list that tells the source of it, for later exports."""
 _FOREIGN = re.compile(r"[^a-z0-9_]+")
 _LONGEST_ID = 100
 _PIECE = 1 << 16
@@ -67,8 +69,8 @@ async def export_static(
     Args:
         sources: `.tide` files and mesh files (encoded here), folders of them, addresses of servers (all meshes that are
             ready), of meshes, of `.tide` files on web servers and in buckets, and of buckets with a prefix (all below).
-        folder: is made if it is missing; what it holds already stays, but for what an earlier export of a file of the
-            same name put there.
+        folder: is made if it is missing; what it holds already stays, but for what an earlier export of the same
+            source put there.
         options: how mesh files are encoded.
         link: timeout, retries and token.
         limits: what a stream may claim.
@@ -104,12 +106,13 @@ async def export_static(
             target.write(_encoded(Path(item.place), options))
         else:
             await _copy(item.place, target, link, limits, notify)
-        told[item.identifier] = _Told(item.file, item.mesh)
+        told[item.identifier] = _Told(item.file, item.origin, item.mesh)
         notify(f"{item.place}: {target.path}, {target.path.stat().st_size} bytes")
     paths = [path for path in collection.glob(f"*{SUFFIX}") if not path.name.startswith(".")]
     meshes = [_row(path, limits, told.get(path.stem)) for path in paths]
     meshes.sort(key=lambda mesh: mesh.id)
-    text = json_text([asdict(mesh) for mesh in meshes], indent=1)
+    rows = [asdict(mesh) | {ORIGIN: told[mesh.id].origin if mesh.id in told else None} for mesh in meshes]
+    text = json_text(rows, indent=1)
     index.write(text.encode())
     return meshes
 
@@ -130,17 +133,24 @@ class _Item:
     file: str
     mesh: HostedMesh | None = None
 
+    @property
+    def origin(self) -> str:
+        """What a later export knows the same source by: a digest of its place, which itself is nobody's business."""
+        place = self.place if "://" in self.place else os.path.realpath(self.place)
+        return hashlib.sha256(os.fsencode(place)).hexdigest()
+
 
 class _Told(NamedTuple):
-    """What the list tells of a mesh: the name of its file, and what a server told of it."""
+    """What the list tells of a mesh: the name of its file, the `origin` of its source, and what a server told of it."""
 
     file: str
+    origin: str | None
     mesh: HostedMesh | None
 
 
 def _target(collection: Path, item: _Item, earlier: _Told | None, *, overwrite: bool) -> OutputFile:
-    """The file of a mesh in the folder; one that an earlier export made of the same file may be replaced."""
-    own = earlier is not None and earlier.file == item.file
+    """The file of a mesh in the folder; one that an earlier export made of the same source may be replaced."""
+    own = earlier is not None and earlier.origin == item.origin
     path = collection / f"{item.identifier}{SUFFIX}"
     return output_file(path, [item.place], overwrite=overwrite, own=lambda _: own, new_folder=True)
 
@@ -148,8 +158,8 @@ def _target(collection: Path, item: _Item, earlier: _Told | None, *, overwrite: 
 def _earlier(collection: Path) -> dict[str, _Told] | None:
     """What the list tells that is there already, by ids; None if there is none that can be read."""
     try:
-        meshes = map(hosted_mesh, json.loads((collection / STATIC_INDEX).read_bytes()))
-        return {mesh.id: _Told(mesh.name, mesh) for mesh in meshes}
+        rows = [(hosted_mesh(row), row.get(ORIGIN)) for row in json.loads((collection / STATIC_INDEX).read_bytes())]
+        return {mesh.id: _Told(mesh.name, origin, mesh) for mesh, origin in rows}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, plain_values.BadValueError):
         return None
 

@@ -74,12 +74,12 @@ def test_compare_replaces_no_file_and_mixes_no_meshes_up(mesh_file: Path, tmp_pa
 
 @pytest.mark.usefixtures("peers")
 def test_compare_shows_names_as_they_are(tmp_path: Path) -> None:
-    save_mesh(grid(8), tmp_path / "[bold]\x1b[31m\udcff$x$.ply")
+    save_mesh(grid(8), tmp_path / "[bold]\x1b[31m\udcff$\\x$.ply")
     output = tmp_path / "out"
     result = meshtide("compare", tmp_path, "-B", 8, "--profile", "classic", "-o", output)
     assert result.exit_code == 0, result.output
-    assert r"[bold]\x1b[31m\udcff$x$" in result.stdout
-    assert r"[bold]\u001b[31m\\udcff$x$" in (output / "comparison.json").read_text()
+    assert r"[bold]\x1b[31m\udcff$\x$" in result.stdout
+    assert r"[bold]\u001b[31m\\udcff$\\x$" in (output / "comparison.json").read_text()
     assert r"\udcff" in (output / "sizes.csv").read_text("utf-8")
 
 

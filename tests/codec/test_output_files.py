@@ -229,9 +229,7 @@ output_files.write_atomically(Path(sys.argv[1]), b"x")
 def test_a_signal_leaves_the_old_file_and_nothing_else(tmp_path: Path, number: signal.Signals) -> None:
     path = tmp_path / "out"
     path.write_bytes(b"old")
-    process = subprocess.Popen(
-        [sys.executable, "-c", SLOW, path], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    )
+    process = subprocess.Popen([sys.executable, "-c", SLOW, path], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     assert process.stdout is not None
     with process, process.stdout:
         assert process.stdout.readline() == b"writing\n"

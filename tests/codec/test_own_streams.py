@@ -70,7 +70,9 @@ def test_an_earlier_stream_may_be_made_anew_and_nothing_else(mesh_file: Path) ->
 def test_two_files_that_lead_to_one_stream_are_both_named(mesh_file: Path, other: str) -> None:
     (mesh_file.parent / other).write_bytes(mesh_file.read_bytes())
     stream = stream_of(grid(4), mesh_file.with_suffix(".tide"))
-    with pytest.raises(OptionError, match=rf"real\.tide is there already, and .*real\.ply and .*{other} both become it"):
+    with pytest.raises(
+        OptionError, match=rf"real\.tide is there already, and .*real\.ply and .*{other} both become it"
+    ):
         stream_target(mesh_file, None, overwrite=False)
     assert stream_target(mesh_file, stream, overwrite=False).replace
 
