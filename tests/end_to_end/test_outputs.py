@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -84,19 +86,16 @@ def test_the_reader_of_a_pipe_may_go_early(server: Any, meshtide: Any) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
 def test_an_encoding_that_is_ended_leaves_nothing(meshtide: Any, number: signal.Signals) -> None:
-    save_mesh(grid(20), meshtide.folder / "patch.ply")
-    os.mkfifo(meshtide.folder / "pipe.tide")
-    process = meshtide.start("encode", "patch.ply", "-o", "pipe.tide", "--profile", "classic")
-    waiting = Path(f"/proc/{process.pid}/wchan")
-    deadline = time.monotonic() + 60
-    while "wait_for_partner" not in waiting.read_text() and time.monotonic() < deadline:
-        assert process.poll() is None
-        time.sleep(0.05)
-        if not waiting.read_text().strip("0"):  # a kernel that does not tell
-            time.sleep(5)
-            break
+    save_mesh(grid(40), meshtide.folder / "patch.ply")
+    pipe = meshtide.folder / "pipe.tide"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    fcntl.fcntl(reader, fcntl.F_SETPIPE_SZ, 4096)  # less than the stream: the command waits until it is read
+    process = meshtide.start("encode", "patch.ply", "-o", "pipe.tide", "--profile", "classic", "--bits", "20")
+    assert select.select([reader], [], [], 120)[0]
     process.send_signal(number)
     _, errors = process.communicate(timeout=60)
+    os.close(reader)
     assert process.returncode == (ExitCode.INTERRUPTED if number == signal.SIGINT else -number)
     assert "Traceback" not in errors
     assert meshtide.files == {"patch.ply", "pipe.tide"}
