@@ -93,6 +93,7 @@ async def receive_file(
             for event in session.feed(b""):
                 take(event)
                 yield event
+            session.check()
             continue
         async with source.read(start, end) as reading:
             if not reading.ranged and start > 0:
@@ -114,6 +115,7 @@ async def _fed(reading: Reading, session: FileSession, pace: _Pace, end: int) ->
         await pace.take(len(data))
         for event in session.feed(data):
             yield event
+        session.check()
         if session.finished:
             return
 
