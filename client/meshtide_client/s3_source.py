@@ -53,7 +53,9 @@ class S3Source:
             options["if_match"] = self._tag
         try:
             answer = await self._obstore.get_async(self._store, self._key, options=options)
-            self._tag = answer.meta.get("e_tag")
+            self._check_same(answer.meta.get("e_tag"))
+            if answer.range[0] != start or (end is not None and answer.range[1] > end):
+                raise ProtocolError(f"{self._url} answers with another range than the one that was asked for")
             yield Reading(start, ranged=True, pieces=_pieces(answer), size=answer.meta["size"])
         except FileNotFoundError as error:
             raise ProtocolError(f"there is no {self._url}; check the address") from error
@@ -65,6 +67,13 @@ class S3Source:
             raise TransferError(f"{self._url} has changed while it was read") from error
         except (self._errors.BaseError, OSError) as error:
             raise TransferError(f"cannot read {self._url}: {_first_line(error)}") from error
+
+    def _check_same(self, tag: str | None) -> None:
+        """The object has to be the one that the first answer was of."""
+        if self._tag is not None and tag != self._tag:
+            self._tag = None
+            raise TransferError(f"{self._url} has changed while it was read")
+        self._tag = tag
 
     async def close(self) -> None:
         """The store closes its connections by itself."""

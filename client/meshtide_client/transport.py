@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 _PING_SECONDS = 20.0
 _PONG_BYTES = 512
+_CONTROL_BYTES = 1 << 16
+"""Bytes beside those of a message that may come before its end: pings, frames of fragments."""
 _CLOSE_SECONDS = 2.0
 _BUSY_STATUSES = frozenset({429, 500, 502, 503, 504})
 _BREACH_CODES = frozenset({1002, 1007, 1009})
@@ -238,18 +240,21 @@ class _Intake:
         return events
 
     async def _frame(self) -> bytes | str:
-        """The next frame; it may take its time as long as more than answers to pings keeps coming."""
-        while True:
-            heard = self._connection.heard_bytes
-            try:
-                async with asyncio.timeout(self._link.timeout):
-                    return await self._connection.recv()
-            except TimeoutError:
-                if self._connection.heard_bytes - heard <= _PONG_BYTES:
-                    message = f"nothing came from {self._address.server} for {self._link.timeout:g} seconds"
-                    raise TransferError(message) from None
-            except ConnectionClosed as error:
-                raise _closed(error, self._address) from error
+        """The next frame; it may take its time as long as more than answers to pings keeps coming, and not too much."""
+        frame = asyncio.create_task(self._connection.recv())  # asked for once: fragments outlive no second asking
+        begun = heard = self._connection.heard_bytes
+        try:
+            while not (await asyncio.wait([frame], timeout=self._link.timeout))[0]:
+                before, heard = heard, self._connection.heard_bytes
+                if heard - before <= _PONG_BYTES:
+                    raise TransferError(f"nothing came from {self._address.server} for {self._link.timeout:g} seconds")
+                if heard - begun > LARGEST_MESSAGE + _CONTROL_BYTES:
+                    raise TransferError(f"{self._address.server} sends bytes, but no message")
+            return frame.result()
+        except ConnectionClosed as error:
+            raise _closed(error, self._address) from error
+        finally:
+            frame.cancel()
 
 
 async def _send(connection: Connection, frame: bytes) -> None:
