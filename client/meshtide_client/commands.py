@@ -15,6 +15,8 @@ from meshtide_client.curation.commands import register as register_curation
 from meshtide_client.paper.commands import register as register_paper
 from meshtide_client.rendering.commands import register as register_rendering
 from meshtide_client.simulation.commands import register as register_simulation
+from meshtide_codec.printable import printable, shown
+from meshtide_codec.shared_options import OverwriteOption
 
 if TYPE_CHECKING:
     from meshtide_client.link.lossy_link import LossyLink
@@ -77,12 +79,14 @@ def fetch(
     unprotected: Annotated[
         str, typer.Option(help="What the link may lose besides Diffs: base,map-conn,param,preview, or all.")
     ] = "",
+    overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Fetch a mesh from a server, level by level.
 
     An interrupted download is gone on with when the same command is repeated: what has arrived is kept beside the
-    output, in a file that ends in .partial.tide. An existing output is replaced only when the mesh is complete.
+    output, in a file that ends in .partial.tide. An existing output is replaced only with --overwrite, and only when
+    the mesh is complete. Of several fetches into one file at once, one goes on and the others say so.
 
     Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny -o bunny.ply --max-error 0.005
 
@@ -112,6 +116,7 @@ def fetch(
             link=Link(timeout=timeout, retries=retries, rate=rate, token=find_token(token_file)),
             transport=transport,
             loss=lossy,
+            overwrite=overwrite,
             on_level=display.on_level,
             notify=display.notify,
             progress=display.progress,
@@ -169,6 +174,7 @@ def meshes(
     from dataclasses import asdict
 
     from rich.console import Console
+    from rich.text import Text
 
     from meshtide_client.address import ServerAddress
     from meshtide_client.credentials import find_token
@@ -191,7 +197,7 @@ def meshes(
         box=box,
         after=after,
     )
-    with Console(stderr=True).status(f"asking {ServerAddress.parse(url)}") as shown:
+    with Console(stderr=True).status(Text(f"asking {ServerAddress.parse(url)}")) as shown:
         hosted = list_meshes(
             url,
             search=search,
@@ -310,9 +316,12 @@ def export(
     ] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
+    overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Write a folder of .tide files, with a list of them, that works on any web server.
+
+    What an earlier export of the same source put there is made anew; other meshes of the folder stay.
 
     Example: meshtide export scans/ http://localhost:8000 --static site; python -m http.server --directory site
     """
@@ -329,14 +338,16 @@ def export(
     link = Link(timeout=timeout, token=find_token(token_file))
 
     def notify(sentence: str) -> None:
-        typer.echo(sentence, err=True)
+        typer.echo(printable(sentence), err=True)
 
     with progress_bar("export"):
-        exported = asyncio.run(export_static(sources, static, options=options, link=link, notify=notify))
+        exported = asyncio.run(
+            export_static(sources, static, options=options, link=link, notify=notify, overwrite=overwrite)
+        )
     if as_json:
         _print_json({"folder": str(static), "meshes": [asdict(mesh) for mesh in exported]})
     else:
-        typer.echo(f"{static}: {len(exported)} meshes, {sum(mesh.bytes or 0 for mesh in exported)} bytes")
+        typer.echo(f"{shown(static)}: {len(exported)} meshes, {sum(mesh.bytes or 0 for mesh in exported)} bytes")
 
 
 def demo(
@@ -347,6 +358,7 @@ def demo(
     ] = None,
     wait: Annotated[float, typer.Option(help="Seconds to wait for the server and for its encoding.")] = 600.0,
     picture: Annotated[bool, typer.Option(help="Draw the levels side by side into levels.png.")] = True,
+    overwrite: OverwriteOption = False,
 ) -> None:
     """Start a server with the sample meshes, fetch one of them level by level, and check the result.
 
@@ -354,7 +366,7 @@ def demo(
     """
     from meshtide_client.demo import run_demo
 
-    run_demo(output, mesh, rate=rate, wait=wait, draw=picture)
+    run_demo(output, mesh, rate=rate, wait=wait, draw=picture, overwrite=overwrite)
 
 
 def _lossy_link(loss: str | None, seed: int, unprotected: str) -> LossyLink | None:
@@ -369,6 +381,6 @@ def _lossy_link(loss: str | None, seed: int, unprotected: str) -> LossyLink | No
 
 
 def _print_json(answer: object) -> None:
-    import json
+    from meshtide_codec.json_text import json_text
 
-    typer.echo(json.dumps(answer))
+    typer.echo(json_text(answer))

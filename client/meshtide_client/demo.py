@@ -18,13 +18,15 @@ from rich.table import Table
 
 from meshtide_client.address import ServerAddress
 from meshtide_client.display import COMPILING
-from meshtide_client.fetching import FetchResult, fetch
+from meshtide_client.fetching import FetchResult, check_levels, fetch
 from meshtide_client.listing import HostedMesh, list_meshes
-from meshtide_client.rendering.picture import draw_levels
+from meshtide_client.rendering.picture import levels_picture
 from meshtide_client.server_process import running_server
 from meshtide_client.transport import Link
 from meshtide_codec.compilation import announced_compilation
 from meshtide_codec.errors import MeshtideError, OptionError, TransferError
+from meshtide_codec.output_policy import output_file
+from meshtide_codec.printable import shown
 from meshtide_codec.quantize import quantize
 from meshtide_codec.samples import load_sample, sample_names
 
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from meshtide_client.streaming import ReceivedLevel
     from meshtide_codec.mesh import Mesh
 
+PICTURE = "levels.png"
 _POLL_SECONDS = 0.25
 _PATIENCE_SECONDS = 3.0
 COMPILING_ENCODER = "its kernels are compiled in the first run only, which takes a minute or two"
@@ -44,7 +47,13 @@ class MismatchError(MeshtideError):
 
 
 def run_demo(
-    folder: Path, name: str, *, rate: float | None = None, wait: float = 600.0, draw: bool = True
+    folder: Path,
+    name: str,
+    *,
+    rate: float | None = None,
+    wait: float = 600.0,
+    draw: bool = True,
+    overwrite: bool = True,
 ) -> FetchResult:
     """Show sample `name` arriving level by level; every level is left in `folder` as PLY.
 
@@ -54,9 +63,10 @@ def run_demo(
         rate: bytes a second; None for as fast as it comes.
         wait: seconds to wait for the server and for its encoding.
         draw: whether to leave a picture of all levels too, in levels.png.
+        overwrite: whether files that are there already are replaced.
 
     Raises:
-        OptionError: there is no such sample.
+        OptionError: there is no such sample, or the folder holds files of those names that are not to be replaced.
         TransferError: the server did not start, or did not get ready.
         MismatchError: the finest level is not the quantized input.
         OSError: `folder` cannot be written.
@@ -64,6 +74,8 @@ def run_demo(
     if name not in sample_names():
         raise OptionError(f"there is no sample {name!r}; there are {', '.join(sample_names())}")
     link = Link(rate=rate)
+    check_levels(folder, name, overwrite=overwrite)
+    picture = output_file(folder / PICTURE, overwrite=overwrite, new_folder=True) if draw else None
     folder.mkdir(parents=True, exist_ok=True)
     console = Console()
     with announced_compilation(lambda: console.print(COMPILING)):
@@ -73,7 +85,7 @@ def run_demo(
             console.print(f"it listens on {url}")
             _wait_until_ready(console, url, name, wait)
             console.print(f"fetching {address}")
-            result, pictured = _fetch(console, str(address), folder, link)
+            result, pictured = _fetch(console, str(address), folder, link, overwrite=overwrite)
     _check(result, name)
     console.print(
         f"the finest level is the quantized input (B = {result.header.bits} bits per coordinate), exactly: "
@@ -81,9 +93,10 @@ def run_demo(
         highlight=False,
         soft_wrap=True,
     )
-    if draw:
-        draw_levels(pictured, folder / "levels.png")
-    console.print(f"the levels are in {folder}" + (", side by side in levels.png" if draw else ""), highlight=False)
+    if picture is not None:
+        picture.write(levels_picture(pictured))
+    aside = f", side by side in {PICTURE}" if draw else ""
+    console.print(f"the levels are in {shown(folder)}{aside}", highlight=False, markup=False, soft_wrap=True)
     return result
 
 
@@ -117,7 +130,9 @@ def _find(url: str, name: str) -> HostedMesh:
     raise TransferError(f"the server does not host {name}")
 
 
-def _fetch(console: Console, url: str, folder: Path, link: Link) -> tuple[FetchResult, list[tuple[str, Mesh]]]:
+def _fetch(
+    console: Console, url: str, folder: Path, link: Link, *, overwrite: bool
+) -> tuple[FetchResult, list[tuple[str, Mesh]]]:
     """Fetch the mesh, one row of a table a level; also returns a caption and a mesh for each."""
     table = Table(caption="errors as a fraction of the bounding box's diagonal")
     for column in ("level", "bytes", "vertices", "faces", "rms error", "largest error", "seconds"):
@@ -141,7 +156,7 @@ def _fetch(console: Console, url: str, folder: Path, link: Link) -> tuple[FetchR
             if console.is_terminal:
                 live.refresh()
 
-        result = fetch(url, keep_levels=folder, link=link, on_level=show, notify=console.print)
+        result = fetch(url, keep_levels=folder, link=link, on_level=show, notify=console.print, overwrite=overwrite)
     if not console.is_terminal:
         console.print(table)
     return result, captioned

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn, TransferSpeedColumn
 
 from meshtide_codec.compilation import announced_compilation
+from meshtide_codec.printable import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,9 +35,9 @@ class Display:
 
     def __init__(self, title: str, console: Console | None = None) -> None:
         self.console = console or Console(stderr=True)
-        self._title = title
+        self._title = title = shown(title)
         self._bar = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             DownloadColumn(),
             TransferSpeedColumn(),
@@ -73,7 +74,7 @@ def result_line(result: FetchResult, output: Path) -> str:
     coarse = f", rms error {figures.rms:.2e}" if figures.rms > 0 else ""
     resumed = "" if result.received_bytes >= _payload(result) else f" ({result.received_bytes} of them fetched now)"
     line = (
-        f"{output}: level {figures.level}{exact}{coarse}, {figures.vertices} vertices, {figures.faces} faces; "
+        f"{shown(output)}: level {figures.level}{exact}{coarse}, {figures.vertices} vertices, {figures.faces} faces; "
         f"{figures.size} bytes{resumed} in {result.seconds:.2f} s"
     )
     return line if result.link_report is None else f"{line}\nlink: {result.link_report.told()}"

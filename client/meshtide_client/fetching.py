@@ -7,6 +7,9 @@ with by the next one; the output itself is replaced only when the mesh is there.
 from __future__ import annotations
 
 import asyncio
+import glob
+import hashlib
+import os
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing
 from dataclasses import dataclass
@@ -18,11 +21,14 @@ from meshtide_client.holding import Holding
 from meshtide_client.link.lossy_reception import LossyReception
 from meshtide_client.partial_file import PartialFile
 from meshtide_client.streaming import Reception
-from meshtide_client.tide_address import parse_address
+from meshtide_client.tide_address import TideAddress, parse_address
 from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.mesh_files import is_mesh_path, save_mesh
 from meshtide_codec.mesh_files.formats import SUFFIXES as MESH_SUFFIXES
-from meshtide_codec.stream.container import PREAMBLE_BYTES
+from meshtide_codec.output_files import orderly_termination
+from meshtide_codec.output_policy import output_file, output_folder
+from meshtide_codec.printable import shown
+from meshtide_codec.stream.container import MAGIC, PREAMBLE_BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +41,10 @@ if TYPE_CHECKING:
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.stream.session import Until
+
+_PARTIAL_SUFFIX = ".partial.tide"
+_LONGEST_NAME = 255
+"""Bytes of a file name that common file systems take."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +84,7 @@ class Destination:
         output: file of the finest mesh, or None.
         stream_file: `.tide` file of the packets, kept afterwards, or None.
         keep_levels: folder for the mesh of each level, or None.
+        overwrite: whether files of meshes that are there already are replaced.
 
     Raises:
         MeshFileError: the output's format is unknown.
@@ -82,6 +93,7 @@ class Destination:
     output: Path | None = None
     stream_file: Path | None = None
     keep_levels: Path | None = None
+    overwrite: bool = True
 
     def __post_init__(self) -> None:
         if self.output is not None and not is_mesh_path(self.output):
@@ -92,20 +104,38 @@ class Destination:
         """Where packets are kept while they arrive."""
         if self.stream_file is not None or self.output is None:
             return self.stream_file
-        return self.output.with_name(f"{self.output.name}.partial.tide")
+        return self.output.with_name(_partial_name(self.output.name))
 
-    def prepare(self) -> None:
-        """Make sure that files can be written before anything is downloaded.
+    def prepare(self, address: Address) -> None:
+        """Make sure that files can be written, and may be, before anything is downloaded.
+
+        Args:
+            address: what is fetched; a file of this machine is not written over.
 
         Raises:
-            OSError: a folder is missing or may not be written.
+            OptionError: two of the files are one, or one is there that is not to be replaced.
+            OSError: a folder may not be written.
         """
+        read = [address.location] if isinstance(address, TideAddress) and address.kind == "local" else []
+        self.check_output(*read, *([] if self.stream_file is None else [self.stream_file]))
+        if self.partial_path is not None:
+            output_file(self.partial_path, read, overwrite=self.overwrite, own=_is_download)
         if self.keep_levels is not None:
+            check_levels(self.keep_levels, address.file_stem, overwrite=self.overwrite)
             self.keep_levels.mkdir(parents=True, exist_ok=True)
         folders = [self.keep_levels] + [file.parent for file in (self.output, self.stream_file) if file is not None]
         for folder in folders:
             if folder is not None:
                 _check_writable(folder)
+
+    def check_output(self, *read: Path | str) -> None:
+        """Make sure that the output may be written.
+
+        Raises:
+            OptionError: it is what is read, or is there and not to be replaced.
+        """
+        if self.output is not None:
+            output_file(self.output, read, overwrite=self.overwrite)
 
     def open(self, limits: Limits | None, notify: Callable[[str], None] | None) -> Holding:
         """The holding that packets go into."""
@@ -129,6 +159,7 @@ def fetch(
     progress: Callable[[int, int], None] | None = None,
     transport: str = "auto",
     loss: LossyLink | None = None,
+    overwrite: bool = True,
 ) -> FetchResult:
     """Fetch the mesh at `url`, and wait until it is there.
 
@@ -148,20 +179,23 @@ def fetch(
         transport: "websocket", "http" (ranges of the file), "download" (one plain request), or "auto" for the first
             of them that works.
         loss: a lossy link that the packets go over before they are decoded, for experiments.
+        overwrite: whether files of meshes that are there already are replaced.
 
     Raises:
         OptionError: `url` is not the address of a mesh, or cannot be read by that transport, or `until` allows less
-            than the coarsest level, or the lossy link cannot be.
+            than the coarsest level, or the lossy link cannot be; a file is what is read, or is there and not to be
+            replaced.
         TransferError: there was no connection, or it was lost too often; the message says what is kept.
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
         StreamError: the stream is damaged or over the limits.
         MeshFileError, OSError: a file cannot be written.
     """
     address = parse_address(url)
-    destination = Destination(_path(output), _path(stream_file), _path(keep_levels))
-    destination.prepare()
+    destination = Destination(_path(output), _path(stream_file), _path(keep_levels), overwrite)
+    destination.prepare(address)
     holding = destination.open(limits, notify)
     try:
+        destination.check_output()  # another fetch may have finished since
         settings: dict[str, Any] = {
             "until": until,
             "link": link,
@@ -177,7 +211,7 @@ def fetch(
         )
         result = _run(_Fetch(address, destination, reception, on_level))
         if destination.output is not None:
-            _save(result.mesh, destination.output)
+            _save(result.mesh, destination.output, replace=overwrite)
         if isinstance(holding, PartialFile) and destination.stream_file is None:
             holding.discard()
     except KeyboardInterrupt:
@@ -201,6 +235,7 @@ class _Fetch:
     async def result(self) -> FetchResult:
         """Wait for all levels."""
         last: ReceivedLevel | None = None
+        written: set[str] = set()
         levels: list[LevelFigures] = []
         async with aclosing(self.reception.levels()) as arriving:
             async for level in arriving:
@@ -208,7 +243,10 @@ class _Fetch:
                 levels.append(level.figures)
                 if self.destination.keep_levels is not None:
                     name = f"{self.address.file_stem}-level-{level.level}.ply"
-                    await asyncio.to_thread(_save, level.mesh, self.destination.keep_levels / name)
+                    replace = self.destination.overwrite or name in written
+                    path = self.destination.keep_levels / name
+                    await asyncio.to_thread(_save, level.mesh, path, replace=replace)
+                    written.add(name)
                 if self.on_level is not None:
                     self.on_level(level)
         header = self.reception.header
@@ -238,7 +276,8 @@ def _run(under_way: _Fetch) -> FetchResult:
         pass
     else:
         return _run_in_thread(under_way)
-    return asyncio.run(under_way.result())
+    with orderly_termination():  # levels are written by other threads
+        return asyncio.run(under_way.result())
 
 
 def _run_in_thread(under_way: _Fetch) -> FetchResult:
@@ -246,12 +285,36 @@ def _run_in_thread(under_way: _Fetch) -> FetchResult:
         return executor.submit(lambda: asyncio.run(under_way.result())).result()
 
 
-def _save(mesh: Mesh, path: Path) -> None:
-    """Write a mesh; an error names the file."""
-    try:
-        save_mesh(mesh, path)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+def check_levels(folder: Path, stem: str, *, overwrite: bool) -> None:
+    """Make sure that levels of a mesh may be written into a folder.
+
+    Raises:
+        OptionError: it is a file, or holds levels of that name that are not to be replaced.
+        OSError: it may not be written.
+    """
+    output_folder(folder)
+    found = [] if overwrite else sorted(folder.glob(f"{glob.escape(stem)}-level-*.ply"))
+    if found:
+        raise OptionError(f"{shown(found[0])} is there already; name another folder, or add --overwrite")
+
+
+def _save(mesh: Mesh, path: Path, *, replace: bool) -> None:
+    save_mesh(mesh, path, replace=replace)
+
+
+def _partial_name(name: str) -> str:
+    """The name of the file beside an output; shortened where a file system would not take it."""
+    whole = f"{name}{_PARTIAL_SUFFIX}"
+    if len(os.fsencode(whole)) <= _LONGEST_NAME:
+        return whole
+    return f"{hashlib.sha256(os.fsencode(name)).hexdigest()[:32]}{_PARTIAL_SUFFIX}"
+
+
+def _is_download(path: Path) -> bool:
+    """Whether a file begins as a stream does, so that it can be gone on with; an empty one has not got so far."""
+    with path.open("rb") as file:
+        start = file.read(len(MAGIC))
+    return start == MAGIC[: len(start)]
 
 
 def _check_writable(folder: Path) -> None:

@@ -22,6 +22,7 @@ from meshtide_client.ingest_plan import Ingested, IngestPlan
 from meshtide_client.listing import list_meshes
 from meshtide_client.problem import read_problem
 from meshtide_codec.errors import MeshtideError, ProtocolError, TransferError
+from meshtide_codec.printable import listed_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -137,7 +138,7 @@ class _Upload:
         method, url = "POST", self._server.listing_url
         if sending.mesh is not None:
             method, url = "PUT", f"{self._server.listing_url}/{quote(sending.mesh, safe='')}"
-        params = {"filename": sending.file.name, **self._options}
+        params = {"filename": listed_name(sending.file), **self._options}
         while True:
             response = self._client.request(method, url, params=params, content=_pieces(sending.file))
             pause = response.headers.get("Retry-After", "")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Self
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from meshtide_codec.json_text import json_text
+from meshtide_codec.printable import printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +31,12 @@ class IngestDisplay:
     def __init__(self, total: int, *, quiet: bool) -> None:
         self._quiet = quiet
         self._console = Console(stderr=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+        )
         self._bar = Progress(*columns, console=self._console, transient=True, disable=not self._console.is_terminal)
         self._task = self._bar.add_task("ingest", total=total)
 
@@ -46,7 +53,7 @@ class IngestDisplay:
         """A file is through."""
         self._bar.advance(self._task)
         if result.state == "failed" and not self._quiet:
-            self._console.print(f"{result.file}: {result.error}", style="red", markup=False, soft_wrap=True)
+            self._console.print(printable(f"{result.file}: {result.error}"), style="red", markup=False, soft_wrap=True)
 
     def stage(self, what: str) -> None:
         """Show what is being done, such as the compilation of kernels in a first run."""
@@ -64,7 +71,7 @@ def print_ingested(results: Sequence[Ingested], place: dict[str, str], *, as_jso
     counts = {state: sum(result.state == state for result in results) for state in STATES}
     if as_json:
         rows = [{"file": str(row.file), "mesh": row.mesh, "state": row.state, "error": row.error} for row in results]
-        typer.echo(json.dumps({**place, **counts, "files": rows}))
+        typer.echo(json_text({**place, **counts, "files": rows}))
     else:
         left = f", {counts['left']} not begun" if counts["left"] else ""
         typer.echo(f"{counts['done']} ingested, {counts['kept']} there before, {counts['failed']} failed{left}")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import is_mesh_path
+from meshtide_codec.printable import listed_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -114,7 +115,7 @@ class IngestPlan:
         self._files = files
         self._replace = replace
         self._tell = tell
-        self._names = Counter(file.name for file in files)
+        self._names = Counter(map(listed_name, files))
         self._published = [mesh for mesh in known if mesh.source is not None and mesh.status in _PREFERENCE]
         best_last = sorted(self._published, key=lambda mesh: _PREFERENCE.index(mesh.status))
         self._by_content = {mesh.source: mesh for mesh in best_last}
@@ -152,8 +153,9 @@ class IngestPlan:
     def _to_replace(self, file: Path, same: Known | None) -> str | None:
         """The id of the mesh that `file` replaces; no mesh is replaced by two files."""
         found = same
-        if found is None and self._replace and self._names[file.name] == self._known_names[file.name] == 1:
-            found = self._by_name[file.name]
+        name = listed_name(file)
+        if found is None and self._replace and self._names[name] == self._known_names[name] == 1:
+            found = self._by_name[name]
         if found is None or found.id in self._replaced:
             return None
         self._replaced.add(found.id)

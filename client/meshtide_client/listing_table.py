@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
+from meshtide_codec.printable import printable
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -26,11 +28,11 @@ def listing_table(meshes: Sequence[HostedMesh]) -> Table:
     for mesh in meshes:
         rate = 8 * mesh.bytes / mesh.vertices if mesh.bytes is not None and mesh.vertices else None
         table.add_row(
-            Text(mesh.id),
-            Text(_state(mesh)),
+            Text(printable(mesh.id)),
+            Text(printable(_state(mesh))),
             *("-" if count is None else str(count) for count in (mesh.vertices, mesh.faces, mesh.levels, mesh.bytes)),
             "-" if rate is None else f"{rate:.2f}",
-            *([Text(", ".join(mesh.tags))] if tagged else []),
+            *([Text(printable(", ".join(mesh.tags)))] if tagged else []),
         )
     return table
 

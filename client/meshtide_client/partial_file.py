@@ -8,6 +8,7 @@ its checksums hold, and only after the server has confirmed that its stream stil
 from __future__ import annotations
 
 import errno
+import os
 from contextlib import suppress
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from meshtide_codec.stream.packets import Packet
 
 _PIECE_BYTES = 1 << 20
+_MOST_ATTEMPTS = 100
+"""How often a file may vanish between opening and locking: others finish with it at that very moment."""
 
 
 class PartialFile(Holding):
@@ -83,15 +86,24 @@ class PartialFile(Holding):
         """Close the file; one in which nothing was written is removed."""
         if self._file.closed:
             return
-        self._file.close()
         if self.header is None:
             with suppress(OSError):
-                self.path.unlink()
+                self._remove()
+        self._file.close()
 
     def discard(self) -> None:
-        """Close and remove the file."""
-        self.close()
-        self.path.unlink(missing_ok=True)
+        """Remove and close the file."""
+        if not self._file.closed:
+            self._remove()
+            self._file.close()
+
+    def _remove(self) -> None:
+        """Remove the file while the lock on it holds, so that it is never one that another process has begun."""
+        try:
+            self.path.unlink(missing_ok=True)
+        except PermissionError:  # Windows removes no open file
+            self._file.close()
+            self.path.unlink(missing_ok=True)
 
     def told(self) -> str:
         """One clause that says what is held and where."""
@@ -100,14 +112,16 @@ class PartialFile(Holding):
         return f"{super().told()}; what has arrived is kept in {self.path}, and the same request goes on from there"
 
     def _open(self) -> BinaryIO:
-        try:
-            file: BinaryIO = self.path.open("r+b", buffering=0)
-        except FileNotFoundError:
-            file = self.path.open("x+b", buffering=0)
-        if not _locked(file):
-            file.close()
-            raise TransferError(f"{self.path} is being written by another process; wait for it, or name another file")
-        return file
+        for _ in range(_MOST_ATTEMPTS):
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+            file: BinaryIO = os.fdopen(descriptor, "r+b", buffering=0)
+            if not _locked(file):
+                file.close()
+                break
+            if _is_at(file, self.path):
+                return file
+            file.close()  # another process has finished with it, and removed it, since it was opened
+        raise TransferError(f"{self.path} is being written by another process; wait for it, or name another file")
 
     def _read(self, limits: Limits | None) -> None:
         """Take over what the file holds as far as it is sound."""
@@ -170,6 +184,14 @@ class PartialFile(Holding):
     def _cut(self, size: int) -> None:
         self._file.truncate(size)
         self._file.seek(size)
+
+
+def _is_at(file: BinaryIO, path: Path) -> bool:
+    """Whether an open file is still the one of that name."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _locked(file: BinaryIO) -> bool:

@@ -12,13 +12,15 @@ What a server tells of its meshes, such as tags and terms, goes with them.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import re
 import unicodedata
 from contextlib import aclosing, closing
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from meshtide_client.address import ServerAddress
 from meshtide_client.arrival import Arrival
@@ -27,8 +29,11 @@ from meshtide_client.partial_file import PartialFile
 from meshtide_client.tide_address import SUFFIX, parse_address
 from meshtide_client.transport import Link
 from meshtide_codec.errors import MeshFileError, OptionError
+from meshtide_codec.json_text import json_text
 from meshtide_codec.mesh_files import is_mesh_path
-from meshtide_codec.output_files import write_atomically
+from meshtide_codec.output_files import move_into_place
+from meshtide_codec.output_policy import check_different, output_file, output_folder
+from meshtide_codec.printable import listed_name, shown
 from meshtide_codec.stream import plain_values
 from meshtide_codec.stream.container import ContainerReader
 from meshtide_codec.stream.session import Until
@@ -39,8 +44,11 @@ if TYPE_CHECKING:
     from meshtide_codec.classic.options import ClassicOptions
     from meshtide_codec.compact.options import CompactOptions
     from meshtide_codec.limits import Limits
+    from meshtide_codec.output_policy import OutputFile
 
 COLLECTION = "meshes"
+ORIGIN = "origin"
+"""Member of each mesh in the list that tells the source of it, for later exports."""
 _FOREIGN = re.compile(r"[^a-z0-9_]+")
 _LONGEST_ID = 100
 _PIECE = 1 << 16
@@ -54,77 +62,122 @@ async def export_static(
     link: Link | None = None,
     limits: Limits | None = None,
     notify: Callable[[str], None] = lambda _: None,
+    overwrite: bool = False,
 ) -> Sequence[HostedMesh]:
     """Write a static copy of `sources` to `folder`; every packet is verified on the way.
 
     Args:
         sources: `.tide` files and mesh files (encoded here), folders of them, addresses of servers (all meshes that are
             ready), of meshes, of `.tide` files on web servers and in buckets, and of buckets with a prefix (all below).
-        folder: is made if it is missing; what it holds already stays, files of the same id are replaced.
+        folder: is made if it is missing; what it holds already stays, but for what an earlier export of the same
+            source put there.
         options: how mesh files are encoded.
         link: timeout, retries and token.
         limits: what a stream may claim.
         notify: is told in one sentence what a person should know.
+        overwrite: whether any files of the same ids are replaced.
 
     Returns:
         All meshes of the folder, in the order of their ids.
 
     Raises:
-        OptionError: a source that is none.
+        OptionError: a source that is none; two that lead to one id, or one whose file is there already and is not its
+            own. Nothing has been written then.
         MeshError: a mesh file that cannot be used.
         StreamError, TransferError, ProtocolError: a stream that is damaged or cannot be had.
         OSError: a file cannot be read or written.
     """
     collection = folder / COLLECTION
-    collection.mkdir(parents=True, exist_ok=True)
+    output_folder(collection)
     link = link or Link()
     found = [item for source in sources for item in _items(source, link, notify)]
     if not found:
         raise OptionError("there is nothing to export: no source holds a .tide file or a mesh")
-    told = _earlier(collection)
-    taken: set[str] = set()
-    for name, item, mesh in found:
-        identifier = _unique(_slug(name), taken)
-        taken.add(identifier)
-        told.pop(identifier, None)
-        if mesh is not None:
-            told[identifier] = mesh
-        target = collection / f"{identifier}{SUFFIX}"
-        if is_mesh_path(item):
-            write_atomically(target, _encoded(Path(item), options))
+    earlier = _earlier(collection)
+    told = earlier or {}
+    check_different((item.identifier, item.place) for item in found)
+    index = output_file(
+        collection / STATIC_INDEX, overwrite=overwrite, own=lambda _: earlier is not None, new_folder=True
+    )
+    targets = [_target(collection, item, told.get(item.identifier), overwrite=overwrite) for item in found]
+    collection.mkdir(parents=True, exist_ok=True)
+    for item, target in zip(found, targets, strict=True):
+        if is_mesh_path(item.place):
+            target.write(_encoded(Path(item.place), options))
         else:
-            await _copy(item, target, link, limits, notify)
-        notify(f"{item}: {target}, {target.stat().st_size} bytes")
+            await _copy(item.place, target, link, limits, notify)
+        told[item.identifier] = _Told(item.file, item.origin, item.mesh)
+        notify(f"{item.place}: {target.path}, {target.path.stat().st_size} bytes")
     paths = [path for path in collection.glob(f"*{SUFFIX}") if not path.name.startswith(".")]
     meshes = [_row(path, limits, told.get(path.stem)) for path in paths]
     meshes.sort(key=lambda mesh: mesh.id)
-    text = json.dumps([asdict(mesh) for mesh in meshes], indent=1)
-    write_atomically(collection / STATIC_INDEX, text.encode())
+    rows = [asdict(mesh) | {ORIGIN: told[mesh.id].origin if mesh.id in told else None} for mesh in meshes]
+    text = json_text(rows, indent=1)
+    index.write(text.encode())
     return meshes
 
 
-def _earlier(collection: Path) -> dict[str, HostedMesh]:
-    """What the list tells that is there already, by ids; nothing if there is none that can be read."""
+@dataclass(frozen=True, slots=True)
+class _Item:
+    """A mesh to be exported.
+
+    Args:
+        identifier: its id in the folder.
+        place: path or address of its file.
+        file: name of the file that it was made of, as the list tells it.
+        mesh: what a server tells of it.
+    """
+
+    identifier: str
+    place: str
+    file: str
+    mesh: HostedMesh | None = None
+
+    @property
+    def origin(self) -> str:
+        """What a later export knows the same source by: a digest of its place, which itself is nobody's business."""
+        place = self.place if "://" in self.place else os.path.realpath(self.place)
+        return hashlib.sha256(os.fsencode(place)).hexdigest()
+
+
+class _Told(NamedTuple):
+    """What the list tells of a mesh: the name of its file, the `origin` of its source, and what a server told of it."""
+
+    file: str
+    origin: str | None
+    mesh: HostedMesh | None
+
+
+def _target(collection: Path, item: _Item, earlier: _Told | None, *, overwrite: bool) -> OutputFile:
+    """The file of a mesh in the folder; one that an earlier export made of the same source may be replaced."""
+    own = earlier is not None and earlier.origin == item.origin
+    path = collection / f"{item.identifier}{SUFFIX}"
+    return output_file(path, [item.place], overwrite=overwrite, own=lambda _: own, new_folder=True)
+
+
+def _earlier(collection: Path) -> dict[str, _Told] | None:
+    """What the list tells that is there already, by ids; None if there is none that can be read."""
     try:
-        return {mesh.id: mesh for mesh in map(hosted_mesh, json.loads((collection / STATIC_INDEX).read_bytes()))}
+        rows = [(hosted_mesh(row), row.get(ORIGIN)) for row in json.loads((collection / STATIC_INDEX).read_bytes())]
+        return {mesh.id: _Told(mesh.name, origin, mesh) for mesh, origin in rows}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, plain_values.BadValueError):
-        return {}  # it is written anew from the files
+        return None
 
 
-def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[tuple[str, str, HostedMesh | None]]:
-    """Name and place of every mesh that `source` stands for, and what is told of it there."""
+def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[_Item]:
+    """Every mesh that `source` stands for."""
     path = Path(source)
     if path.is_dir():
         files = sorted(file for file in path.iterdir() if file.is_file() and _is_exportable(file))
-        return [(file.stem, str(file), None) for file in files]
+        return [_file_item(file) for file in files]
     if is_mesh_path(source) and "://" not in source:
-        return [(path.stem, source, None)]
+        return [_file_item(path)]
     if source.startswith("s3://") and not source.endswith(SUFFIX):
         from meshtide_client.s3_source import list_files  # noqa: PLC0415 - an extra
 
-        return [(parse_address(url).mesh, url, None) for url in list_files(source, link.timeout)]
+        return [_address_item(url) for url in list_files(source, link.timeout)]
     try:
-        return [(parse_address(source).mesh, source, None)]
+        return [_address_item(source)]
     except OptionError as error:
         try:
             server = ServerAddress.parse(source)
@@ -134,7 +187,20 @@ def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[t
     for mesh in hosted:
         if mesh.status != "ready":
             notify(f"{mesh.id} is left out: it is {mesh.status}")
-    return [(mesh.id, server.mesh(mesh.id).page_url, mesh) for mesh in hosted if mesh.status == "ready"]
+    return [
+        _Item(_slug(mesh.id), server.mesh(mesh.id).page_url, mesh.name, mesh)
+        for mesh in hosted
+        if mesh.status == "ready"
+    ]
+
+
+def _file_item(path: Path) -> _Item:
+    return _Item(_slug(path.stem), str(path), listed_name(path))
+
+
+def _address_item(url: str) -> _Item:
+    mesh = parse_address(url).mesh
+    return _Item(_slug(mesh), url, listed_name(Path(f"{mesh}{SUFFIX}")))
 
 
 def _is_exportable(file: Path) -> bool:
@@ -148,18 +214,19 @@ def _encoded(path: Path, options: CompactOptions | ClassicOptions | None) -> byt
     return encode(load_mesh(path), options).to_bytes()
 
 
-async def _copy(url: str, target: Path, link: Link, limits: Limits | None, notify: Callable[[str], None]) -> None:
+async def _copy(url: str, target: OutputFile, link: Link, limits: Limits | None, notify: Callable[[str], None]) -> None:
     """Read the whole stream at `url` into `target`, which appears only when all of it is there."""
-    partial = target.with_name(f".{target.name}.part")
+    real = target.real_path
+    partial = real.with_name(f".{real.name}.part")
     with closing(PartialFile(partial, limits=limits, notify=notify, disposable=True)) as holding:
         arrival = Arrival(parse_address(url), holding, until=Until(), link=link, notify=notify, limits=limits)
         async with aclosing(arrival.events()) as events:
             async for _ in events:
                 pass  # packets are in the file by now
-    partial.replace(target)
+        move_into_place(partial, real, replace=target.replace)  # while no other export can write it
 
 
-def _row(path: Path, limits: Limits | None, told: HostedMesh | None) -> HostedMesh:
+def _row(path: Path, limits: Limits | None, told: _Told | None) -> HostedMesh:
     """The line of the list for a file, with what is told of it beside what it holds."""
     reader = ContainerReader(limits)
     with path.open("rb") as file:
@@ -167,10 +234,10 @@ def _row(path: Path, limits: Limits | None, told: HostedMesh | None) -> HostedMe
             reader.feed(piece)
     header = reader.header
     if header is None:
-        raise MeshFileError(f"{path} is no whole .tide file; delete it and export again")
+        raise MeshFileError(f"{shown(path)} is no whole .tide file; delete it and export again")
     own = HostedMesh(
         id=path.stem,
-        name=path.name,
+        name=listed_name(path) if told is None else told.file,
         status="ready",
         stage=None,
         progress=1.0,
@@ -180,30 +247,22 @@ def _row(path: Path, limits: Limits | None, told: HostedMesh | None) -> HostedMe
         levels=len(header.levels),
         bytes=path.stat().st_size,
     )
-    if told is None:
+    if told is None or told.mesh is None:
         return own
+    mesh = told.mesh
     return replace(
         own,
-        name=told.name,
-        tags=told.tags,
-        licence=told.licence,
-        created=told.created,
-        updated=told.updated,
-        box=told.box,
-        source=told.source,
+        tags=mesh.tags,
+        licence=mesh.licence,
+        created=mesh.created,
+        updated=mesh.updated,
+        box=mesh.box,
+        source=mesh.source,
     )
 
 
 def _slug(name: str) -> str:
-    """`name` in letters that mean themselves in every URL and file system."""
+    """`name` in letters that mean themselves in every URL and file system; a number made of it if it has none."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
-    return _FOREIGN.sub("-", plain).strip("-")[:_LONGEST_ID].rstrip("-") or "mesh"
-
-
-def _unique(identifier: str, taken: set[str]) -> str:
-    number = 2
-    candidate = identifier
-    while candidate in taken:
-        candidate = f"{identifier}-{number}"
-        number += 1
-    return candidate
+    slug = _FOREIGN.sub("-", plain).strip("-")[:_LONGEST_ID].rstrip("-")
+    return slug or f"mesh-{hashlib.sha256(os.fsencode(name)).hexdigest()[:8]}"

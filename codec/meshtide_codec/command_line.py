@@ -18,6 +18,7 @@ from meshtide_codec.errors import (
     StreamError,
     TransferError,
 )
+from meshtide_codec.printable import printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -38,6 +39,9 @@ class ExitCode(IntEnum):
     DISK = 6
     INTERRUPTED = 130
 
+
+LONGEST_EXPLANATION = 4000
+"""Characters of an error that are printed: some name every file of a folder."""
 
 _CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
     (OptionError, ExitCode.USAGE),
@@ -65,10 +69,14 @@ def exit_code(error: BaseException) -> ExitCode:
 def explanation(error: BaseException) -> str:
     """One line that tells a person what `error` means."""
     if isinstance(error, OSError):
-        name = f"{error.filename}: " if error.filename else ""
+        name = "" if error.filename is None else f"{_file_name(error.filename)}: "
         hint = "; free some space and repeat the command" if error.errno == errno.ENOSPC else ""
-        return f"{name}{error.strerror or error}{hint}"
-    return " ".join(str(error).split()) or type(error).__name__
+        return printable(f"{name}{error.strerror or error}{hint}", LONGEST_EXPLANATION)
+    return printable(" ".join(str(error).split()), LONGEST_EXPLANATION) or type(error).__name__
+
+
+def _file_name(name: object) -> str:
+    return os.fsdecode(name) if isinstance(name, bytes) else str(name)
 
 
 def run(app: typer.Typer) -> NoReturn:
@@ -76,28 +84,43 @@ def run(app: typer.Typer) -> NoReturn:
     try:
         app(standalone_mode=True)
     except (MeshtideError, OSError) as error:
-        if isinstance(error, BrokenPipeError):  # the reader of a pipe has gone, as `head` does
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            sys.exit(ExitCode.OK)
+        if _is_unread_output(error):
+            _end(ExitCode.OK)
         _complain(f"meshtide: {explanation(error)}")
-        sys.exit(exit_code(error))
-    except SystemExit as ending:  # typer turns Ctrl-C into a silent exit with this code
-        if ending.code == ExitCode.INTERRUPTED:
+        _end(exit_code(error))
+    except SystemExit as ending:
+        if _is_unread_output(ending.__context__):  # typer and rich make it an exit with code 1
+            _end(ExitCode.OK)
+        if ending.code == ExitCode.INTERRUPTED:  # typer turns Ctrl-C into a silent exit with this code
             _complain("meshtide: interrupted")
-        raise
-    sys.exit(ExitCode.OK)
+        _end(ending.code)
+    _end(ExitCode.OK)
+
+
+def _is_unread_output(error: BaseException | None) -> bool:
+    """Whether the reader of standard output has gone, as `head` does; a pipe that the user named is another matter."""
+    return isinstance(error, BrokenPipeError) and error.filename is None
+
+
+def _end(code: int | str | None) -> NoReturn:
+    """Exit; what is left in the buffer of standard output is written, unless nobody reads it any more."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(code)
 
 
 def _complain(line: str) -> None:
-    sys.stderr.write(line + "\n")
+    sys.stderr.write(f"{printable(line, LONGEST_EXPLANATION)}\n")
 
 
-def wide_console() -> Console:
+def wide_console(*, stderr: bool = False) -> Console:
     """A console for tables: as wide as the terminal, or wide enough where there is none."""
     from rich.console import Console  # noqa: PLC0415 - heavy
 
-    console = Console()
-    return console if console.is_terminal else Console(width=140)
+    console = Console(stderr=stderr)
+    return console if console.is_terminal else Console(width=140, stderr=stderr)
 
 
 @contextmanager
@@ -112,12 +135,12 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
     from meshtide_codec.compilation import announced_compilation  # noqa: PLC0415 - heavy
 
     console = Console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=1.0)
 
         def report(stage: str, fraction: float) -> None:
-            bar.update(task, description=f"{title}: {stage}", completed=fraction)
+            bar.update(task, description=printable(f"{title}: {stage}"), completed=fraction)
 
         def announce() -> None:
             console.print("compiling kernels: this happens in the first run only, and takes a minute or two")

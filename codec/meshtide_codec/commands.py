@@ -12,6 +12,7 @@ import typer
 
 from meshtide_codec.comparison.commands import print_report, report_target, written_report
 from meshtide_codec.comparison.commands import register as register_comparison
+from meshtide_codec.shared_options import OverwriteOption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,7 +34,9 @@ def register(app: typer.Typer) -> None:
 
 def encode(
     mesh: Annotated[Path, typer.Argument(help="Mesh file: PLY, OBJ, OFF, STL, GLB, ...")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Default: the mesh's name with .tide.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Default: the mesh's name with .tide; - is standard output.")
+    ] = None,
     profile: Annotated[
         str, typer.Option(help="compact (small) or classic (the paper's codec, for study).")
     ] = "compact",
@@ -75,9 +78,12 @@ def encode(
         Path | None,
         typer.Option("--report", help="Bytes by layer, and distances: a folder, .png or .html file; - prints only."),
     ] = None,
+    overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Encode a mesh file into a .tide stream.
+
+    An earlier stream of the same mesh is made anew; any other file that is there is left alone without --overwrite.
 
     Example: meshtide encode bunny.obj -o bunny.tide
 
@@ -87,7 +93,8 @@ def encode(
     from meshtide_codec.command_options import profile_options
     from meshtide_codec.encoder import encode as encode_mesh
     from meshtide_codec.mesh_files import load_mesh
-    from meshtide_codec.output_files import write_atomically
+    from meshtide_codec.own_streams import check_same_mesh, stream_target
+    from meshtide_codec.printable import shown
 
     options = profile_options(
         profile,
@@ -105,17 +112,18 @@ def encode(
             "sent_levels": diff_levels,
         },
     )
-    report_files = report_target(report_to, mesh)
+    target = stream_target(mesh, output, overwrite=overwrite)
+    report_files = report_target(report_to, mesh, target.path, overwrite=overwrite)
     with progress_bar("encode") as progress:
         progress("read", 0.0)
         loaded = load_mesh(mesh, keep_unreferenced=True)
+        check_same_mesh(target, loaded, overwrite=overwrite)
         kept = loaded if keep_unreferenced else loaded.referenced()
         encoded = encode_mesh(kept, options, store_permutation=store_permutation, progress=progress)
-    target = output or mesh.with_suffix(".tide")
     data = encoded.to_bytes()
-    write_atomically(target, data)
+    target.write(data)
     report = _report(encoded.header) | {
-        "output": str(target),
+        "output": str(target.path),
         "unreferenced_vertices": len(loaded.vertices) - len(kept.vertices),
         "welded_vertices": encoded.quantized.welded_vertices,
         "dropped_faces": encoded.quantized.dropped_faces,
@@ -123,30 +131,41 @@ def encode(
     details = written_report(report_files, mesh, encoded)
     if details is not None:
         report |= details.plain()
+    aside = target.is_standard_output
     if as_json:
-        _print_json(report)
+        _print_json(report, err=aside)
         return
-    _print_report(report)
+    _print_report(report, err=aside)
     typer.echo(
         f"left out: {report['unreferenced_vertices']} vertices without a face, {report['welded_vertices']} welded, "
-        f"{report['dropped_faces']} faces that became degenerate or repeat another"
+        f"{report['dropped_faces']} faces that became degenerate or repeat another",
+        err=aside,
     )
     if details is not None:
-        print_report(details)
-    typer.echo(f"{target}: {len(data)} bytes, {report['bits_per_vertex']:.2f} bits per vertex")
+        print_report(details, err=aside)
+    typer.echo(f"{shown(target.path)}: {len(data)} bytes, {report['bits_per_vertex']:.2f} bits per vertex", err=aside)
 
 
 def decode(
     stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Default: the stream's name with .ply.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Default: the stream's name with .decoded.ply; - is standard output."),
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Option("--format", help="Of the mesh file, such as obj; default: as its name ends, or ply.")
+    ] = None,
     level: Annotated[int, typer.Option(help="Level to decode; 0 is the finest.")] = 0,
     partial: Annotated[bool, typer.Option(help="Take what a cut-off or damaged file still holds.")] = False,
     input_order: Annotated[
         bool, typer.Option(help="Level 0 with the vertices as the input had them; needs --store-permutation.")
     ] = False,
+    overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Decode a .tide stream into a mesh file.
+
+    The mesh that was encoded is never replaced: bunny.tide becomes bunny.decoded.ply unless another name is given.
 
     Example: meshtide decode bunny.tide -o bunny-coarse.ply --level 2
     """
@@ -154,9 +173,16 @@ def decode(
     from meshtide_codec.decoder import Decoder
     from meshtide_codec.errors import OptionError
     from meshtide_codec.mesh_files import save_mesh
+    from meshtide_codec.mesh_files.write import check_format
+    from meshtide_codec.output_policy import output_file
     from meshtide_codec.permutation import in_input_order
+    from meshtide_codec.printable import shown
     from meshtide_codec.stream.container import read_available
 
+    path = output or stream.with_suffix(".decoded.ply")
+    target = output_file(path, [stream], overwrite=overwrite, standard_output=True)
+    kind = kind or ("ply" if target.is_standard_output else None)
+    check_format(target.path, kind)
     header, packets, problem = read_available(stream.read_bytes())
     if problem is not None and not partial:
         raise problem
@@ -169,31 +195,32 @@ def decode(
         for done, packet in enumerate(wanted):
             progress("packets", done / len(wanted))
             decoder.push(packet)
-        shown = level if decoder.is_available(level) else decoder.best
-        if shown is None:
+        found = level if decoder.is_available(level) else decoder.best
+        if found is None:
             raise problem or OptionError("the stream holds no whole level")
-        mesh = decoder.mesh(shown)
+        mesh = decoder.mesh(found)
         if input_order:
-            if decoder.permutation is None or shown != 0:
+            if decoder.permutation is None or found != 0:
                 raise OptionError("the input's order is known for level 0 of a stream with a stored permutation only")
             mesh = in_input_order(mesh, decoder.permutation)
-    target = output or stream.with_suffix(".ply")
-    save_mesh(mesh, target)
+    save_mesh(mesh, target.path, kind=kind, replace=target.replace)
     answer = {
-        "output": str(target),
-        "level": shown,
-        "exact": decoder.is_exact(shown),
+        "output": str(target.path),
+        "level": found,
+        "exact": decoder.is_exact(found),
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "problem": None if problem is None else str(problem),
     }
+    aside = target.is_standard_output
     if as_json:
-        _print_json(answer)
+        _print_json(answer, err=aside)
         return
     if problem is not None:
         typer.echo(f"the file is not whole ({problem})", err=True)
     state = "" if answer["exact"] else ", predicted only"
-    typer.echo(f"{target}: level {shown}, {len(mesh.vertices)} vertices, {len(mesh.faces)} faces{state}")
+    counts = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces{state}"
+    typer.echo(f"{shown(target.path)}: level {found}, {counts}", err=aside)
 
 
 def info(
@@ -274,13 +301,13 @@ def _difference_statistics(header: StreamHeader, packets: Sequence[Packet]) -> l
         return [asdict(row) for row in difference_statistics(header, packets)]
 
 
-def _print_json(answer: Mapping[str, Any]) -> None:
-    import json
+def _print_json(answer: Mapping[str, Any], *, err: bool = False) -> None:
+    from meshtide_codec.json_text import json_text
 
-    typer.echo(json.dumps(answer))
+    typer.echo(json_text(answer), err=err)
 
 
-def _print_report(report: Mapping[str, Any]) -> None:
+def _print_report(report: Mapping[str, Any], *, err: bool = False) -> None:
     from rich import box
     from rich.table import Table
 
@@ -305,7 +332,7 @@ def _print_report(report: Mapping[str, Any]) -> None:
     table.add_section()
     rates = (f"{report['bits_per_vertex_by_kind'][kind]:.2f}" for kind in kinds)
     table.add_row("bits/vertex", "", "", *rates, f"{report['bits_per_vertex']:.2f}", "", "")
-    wide_console().print(table)
+    wide_console(stderr=err).print(table)
     if "differences" in report:
         _print_difference_statistics(report["differences"])
 

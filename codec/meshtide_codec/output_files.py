@@ -1,30 +1,217 @@
-"""Files that commands write: whole, or not at all."""
+"""Files that commands write: whole, or not at all; and what is no regular file is written in place.
+
+A regular file is written beside its place and moved there, so that nobody ever sees half of it. Symbolic links are
+followed and stay. Pipes, devices and descriptors such as ``/dev/stdout`` take the bytes as they are. The unfinished
+file is gone after any error, Ctrl-C, SIGTERM and SIGHUP, and every error names the file that the user named.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
-import tempfile
-from contextlib import suppress
+import re
+import secrets
+import signal
+import stat
+import sys
+import threading
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import FrameType
+
+STANDARD_OUTPUT = "-"
+_DESCRIPTORS = re.compile(r"/dev/fd|/proc/(\d+)/(?:task/\d+/)?fd")
+_MOST_LINKS = 40
+"""Symbolic links that are followed on the way to a descriptor, as many as Linux follows."""
+_ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+_unfinished: set[str] = set()
 
 
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file beside its place and move it there, so that nobody ever sees half of it.
+def write_output(path: Path | str, data: bytes, *, replace: bool = True) -> None:
+    """Write a file as `write_atomically` does, or to standard output where `path` is ``-``.
 
     Raises:
-        OSError: the file cannot be written; nothing is left behind.
+        OSError: it cannot be written.
     """
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    if str(path) == STANDARD_OUTPUT:
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
+    else:
+        write_atomically(Path(path), data, replace=replace)
+
+
+def write_atomically(path: Path, data: bytes, *, replace: bool = True) -> None:
+    """Write a file beside its place and move it there; what is no regular file is written in place.
+
+    A file that is replaced keeps its permissions, and its owner where the system allows it.
+
+    Args:
+        path: the file; what a symbolic link names is written, and the link stays.
+        data: its bytes.
+        replace: whether a file that is there by then is replaced.
+
+    Raises:
+        FileExistsError: it is there and may not be replaced.
+        OSError: it cannot be written; nothing is left behind.
+    """
     try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(name).chmod(0o666 & ~umask)  # as open() would have made it; mkstemp makes files private
-        Path(name).replace(path)
-    except BaseException:
+        descriptor = _opened_in_place(path)
+        if descriptor is None:
+            _write_beside(Path(os.path.realpath(path)), data, replace=replace)
+        else:
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def move_into_place(finished: Path, path: Path, *, replace: bool = True) -> None:
+    """Give a file that was written in the same folder its name.
+
+    Raises:
+        FileExistsError: there is one of that name, and it may not be replaced.
+        OSError: it cannot be moved.
+    """
+    try:
+        _place(finished, Path(os.path.realpath(path)), replace=replace)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def is_written_in_place(path: Path) -> bool:
+    """Whether `path` is a pipe, a device or a descriptor: something that bytes go into and that is not replaced.
+
+    Raises:
+        OSError: it cannot be looked at.
+    """
+    if _descriptor(path) is not None:
+        return True
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+@contextmanager
+def orderly_termination() -> Iterator[None]:
+    """Inside, SIGTERM and SIGHUP end the process as ever, but unfinished files are removed first.
+
+    Whoever handles these signals already goes on doing so; outside of the main thread nothing is changed.
+    """
+    taken = []
+    if threading.current_thread() is threading.main_thread():
+        taken = [number for number in _ENDING if signal.getsignal(number) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, _end)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _end(number: int, _frame: FrameType | None) -> None:
+    for name in list(_unfinished):
         with suppress(OSError):
             Path(name).unlink()
-        raise
+    signal.signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)
+
+
+def _opened_in_place(path: Path) -> int | None:
+    """A descriptor that what is no regular file is written through, or None."""
+    own = _descriptor(path)
+    if own is not None and own >= 0:
+        return os.dup(own)
+    if not is_written_in_place(path):
+        return None
+    return os.open(path, os.O_WRONLY)
+
+
+def _descriptor(path: Path) -> int | None:
+    """The number of this process's descriptor that `path` stands for; -1 for another process's; None for neither."""
+    current = os.fspath(path)
+    for _ in range(_MOST_LINKS):
+        folder, name = os.path.realpath(os.path.dirname(current)), os.path.basename(current)  # noqa: PTH119, PTH120 - keeps links
+        found = _DESCRIPTORS.fullmatch(folder)
+        if found is not None and name.isdecimal():
+            return int(name) if found[1] in {None, str(os.getpid())} else -1
+        current = os.path.join(folder, name)  # noqa: PTH118 - the same
+        try:
+            current = os.path.join(folder, os.readlink(current))  # noqa: PTH115, PTH118 - the same
+        except OSError:
+            return None
+    return None
+
+
+def _write_beside(real: Path, data: bytes, *, replace: bool) -> None:
+    existing = real.stat() if real.exists() else None
+    if existing is not None:
+        if stat.S_ISDIR(existing.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if not replace:
+            raise _there_by_now()
+        if not os.access(real, os.W_OK):
+            raise PermissionError(errno.EACCES, "the file is write-protected")
+    unfinished = real.parent / f".meshtide-{secrets.token_hex(8)}.part"
+    with orderly_termination():
+        _unfinished.add(str(unfinished))
+        try:
+            _write_new(unfinished, data, existing)
+            _place(unfinished, real, replace=replace)
+        except BaseException:
+            with suppress(OSError):
+                unfinished.unlink()
+            raise
+        finally:
+            _unfinished.discard(str(unfinished))
+
+
+def _write_new(path: Path, data: bytes, existing: os.stat_result | None) -> None:
+    """Write a new file, with owner and permissions of the one that it is to replace, or as the umask wants them."""
+    with path.open("xb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    if existing is not None:
+        if hasattr(os, "chown") and (existing.st_uid, existing.st_gid) != _owner(path):
+            with suppress(OSError):
+                os.chown(path, existing.st_uid, existing.st_gid)
+        path.chmod(stat.S_IMODE(existing.st_mode) & 0o777)
+
+
+def _owner(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_uid, status.st_gid
+
+
+def _place(unfinished: Path, real: Path, *, replace: bool) -> None:
+    if replace:
+        unfinished.replace(real)
+    else:
+        _place_new(unfinished, real)
+
+
+def _place_new(unfinished: Path, real: Path) -> None:
+    """Move a file to a place where none may be: of several processes that do so at once, one succeeds."""
+    try:
+        os.link(unfinished, real)
+    except FileExistsError:
+        raise _there_by_now() from None
+    except OSError:  # a file system without hard links: the place is claimed by an empty file
+        try:
+            real.open("xb").close()
+        except FileExistsError:
+            raise _there_by_now() from None
+        unfinished.replace(real)
+    else:
+        unfinished.unlink()
+
+
+def _there_by_now() -> FileExistsError:
+    return FileExistsError(errno.EEXIST, "another program has written this file in the meantime; it was left alone")

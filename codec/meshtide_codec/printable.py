@@ -8,9 +8,17 @@ writing (Unicode Standard Annex 9; "Trojan Source", Boucher and Anderson, 2021).
 from __future__ import annotations
 
 import unicodedata
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 LONGEST_TEXT = 1000
 """Characters that `printable` shows unless told otherwise: a path of a few folders, or a message, in full."""
+
+LONGEST_NAME = 200
+"""Characters of a file's name that servers take."""
+LONGEST_SUFFIX = 20
 
 ELLIPSIS = "…"
 
@@ -48,3 +56,33 @@ def _is_unsafe(character: str) -> bool:
 def _escaped(character: str) -> str:
     """The backslash escape of one character, as Python writes it."""
     return character.encode("unicode_escape").decode("ascii")
+
+
+def shown(name: object) -> str:
+    r"""The name of a file, or any other text, as `printable` shows it.
+
+    >>> from pathlib import Path
+    >>> print(shown(Path("scans") / "a\nb.ply"))
+    scans/a\nb.ply
+    """
+    return printable(str(name))
+
+
+def listed_name(path: Path) -> str:
+    r"""The name of a file as listings and catalogues have it: printable, with its suffix, `LONGEST_NAME` at most.
+
+    >>> from pathlib import Path
+    >>> print(listed_name(Path("scans/a\nb.ply")))
+    a\nb.ply
+    """
+    suffix = printable(path.suffix, LONGEST_SUFFIX)
+    return printable(path.name.removesuffix(path.suffix), LONGEST_NAME - len(suffix)) + suffix
+
+
+def encodable(text: str) -> str:
+    r"""`text` with nothing escaped but surrogates, which neither UTF-8 nor strict readers of JSON take.
+
+    >>> print(encodable("a\udcff ü"))
+    a\udcff ü
+    """
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from meshtide_codec.printable import printable
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -78,7 +80,7 @@ class HostedMesh:
 
     def fail(self, reason: str) -> None:
         """It cannot be served."""
-        self.status, self.reason, self.stage = Status.FAILED, reason, ""
+        self.status, self.reason, self.stage = Status.FAILED, printable(reason), ""
 
     @property
     def not_ready_message(self) -> str:

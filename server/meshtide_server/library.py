@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from meshtide_codec.errors import MeshtideError
 from meshtide_codec.mesh_files import is_mesh_path
+from meshtide_codec.printable import listed_name
 from meshtide_codec.samples import sample_names
 from meshtide_server import metrics
 from meshtide_server.block_cache import BlockCache
@@ -403,5 +404,5 @@ def _list_sources(directory: Path) -> list[Source]:
             continue
         with suppress(OSError):  # it may vanish while we look
             if path.is_file():
-                sources.append(Source(path.name, path, FileIdentity.of(path.stat())))
+                sources.append(Source(listed_name(path), path, FileIdentity.of(path.stat())))
     return sorted(sources, key=lambda source: (not source.is_stream, source.name))

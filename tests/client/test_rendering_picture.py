@@ -1,28 +1,21 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
 from meshes import grid, shapes
 from meshtide_client.rendering import picture
 from meshtide_client.rendering.colour_scale import ColourScale
-from meshtide_client.rendering.picture import TILE, Style, Subject, draw_levels, draw_subjects
+from meshtide_client.rendering.picture import TILE, Style, Subject, draw_subjects, levels_picture
 from meshtide_client.rendering.rasterizer import PAPER
 from meshtide_codec.errors import OptionError
 from pictures import unpacked
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 SCALE = ColourScale(0.0, 1.0, "height")
 
 
-def test_levels_stand_side_by_side(tmp_path: Path) -> None:
-    path = tmp_path / "levels.png"
-    draw_levels([(f"level {i}", grid(6)) for i in range(4)], path)
-    image = unpacked(path.read_bytes())
+def test_levels_stand_side_by_side() -> None:
+    image = unpacked(levels_picture([(f"level {i}", grid(6)) for i in range(4)]))
     height = TILE + picture._CAPTION
     assert image.shape == (2 * height, 3 * TILE, 3)
     tiles = [image[top : top + TILE, left : left + TILE] for top in (0, height) for left in (0, TILE, 2 * TILE)]

@@ -53,8 +53,82 @@ async def test_a_later_export_adds_to_the_list(scans: Path, tmp_path: Path) -> N
     site = tmp_path / "site"
     await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
     with web_server(WebServer(WHOLE, ranges=False)) as server:
-        await export_static([f"{server.url}/cup.tide", f"{server.url}/other/cup.tide"], site, link=QUICK)
-    assert [identifier for identifier, _ in listed(site)] == ["cup", "cup-2", "old-vase"]
+        await export_static([f"{server.url}/cup.tide", f"{server.url}/other/mug.tide"], site, link=QUICK)
+    assert [identifier for identifier, _ in listed(site)] == ["cup", "mug", "old-vase"]
+
+
+async def test_what_leads_to_one_id_is_refused_before_anything_is_written(scans: Path, tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    save_mesh(grid(5), scans / "Patch.obj")
+    with pytest.raises(OptionError, match=r"Patch\.obj and .*patch\.ply would both become patch"):
+        await export_static([str(scans)], site, options=ClassicOptions(bits=8), link=QUICK)
+    with pytest.raises(OptionError, match=r"/a/cup\.tide and .*/b/cup\.tide would both become cup"):
+        await export_static(["http://127.0.0.1:9/a/cup.tide", "http://127.0.0.1:9/b/cup.tide"], site, link=QUICK)
+    assert not site.exists()
+
+
+async def test_a_mesh_is_made_anew_of_its_own_source_only(scans: Path, tmp_path: Path) -> None:
+    site, options = tmp_path / "site", ClassicOptions(bits=8)
+    await export_static([str(scans / "patch.ply")], site, options=options, link=QUICK)
+    first = (site / "meshes" / "patch.tide").read_bytes()
+    save_mesh(grid(5), scans / "patch.ply")  # the mesh was worked on
+    await export_static([str(scans / "patch.ply")], site, options=options, link=QUICK)
+    second = (site / "meshes" / "patch.tide").read_bytes()
+    assert second != first
+    other = tmp_path / "other"
+    other.mkdir()
+    save_mesh(grid(4), other / "patch.ply")
+    (other / "alone.tide").write_bytes(WHOLE)
+    sources = [str(other / "alone.tide"), str(other / "patch.ply")]
+    with pytest.raises(OptionError, match=r"patch\.tide is there already"):
+        await export_static(sources, site, options=options, link=QUICK)
+    assert listed(site) == [("patch", len(second))]
+    assert (site / "meshes" / "patch.tide").read_bytes() == second
+    await export_static(sources, site, options=options, link=QUICK, overwrite=True)
+    assert [identifier for identifier, _ in listed(site)] == ["alone", "patch"]
+    assert (site / "meshes" / "patch.tide").read_bytes() not in {first, second}
+
+
+async def test_files_of_others_stay(scans: Path, tmp_path: Path) -> None:
+    collection = tmp_path / "site" / "meshes"
+    collection.mkdir(parents=True)
+    (collection / "index.json").write_text("my notes")
+    with pytest.raises(OptionError, match=r"index\.json is there already"):
+        await export_static([str(scans / "Old Vase.tide")], tmp_path / "site", link=QUICK)
+    (collection / "index.json").unlink()
+    (collection / "old-vase.tide").write_text("mine as well")
+    with pytest.raises(OptionError, match=r"old-vase\.tide is there already"):
+        await export_static([str(scans / "Old Vase.tide")], tmp_path / "site", link=QUICK)
+    assert [(path.name, path.read_text()) for path in collection.iterdir()] == [("old-vase.tide", "mine as well")]
+    source = collection / "old-vase.tide"
+    source.write_bytes(WHOLE)
+    for overwrite in (False, True):
+        with pytest.raises(OptionError, match="is what is read"):
+            await export_static([str(source)], tmp_path / "site", link=QUICK, overwrite=overwrite)
+    with pytest.raises(OptionError, match="is a file; name a folder"):
+        await export_static([str(scans / "Old Vase.tide")], scans / "patch.ply", link=QUICK)
+
+
+@pytest.mark.parametrize("name", ["caf\udce9", "\udcff", "a\nb\x1b[31m", "\u202eexe", "[bold]x[red]", "網"])
+async def test_no_name_breaks_the_list(tmp_path: Path, name: str) -> None:
+    (tmp_path / f"{name}.tide").write_bytes(WHOLE)
+    (tmp_path / "good.tide").write_bytes(WHOLE)
+    told: list[str] = []
+    meshes = await export_static([str(tmp_path)], tmp_path / "site", link=QUICK, notify=told.append)
+    assert len({mesh.id for mesh in meshes}) == 2
+    text = (tmp_path / "site" / "meshes" / "index.json").read_text("utf-8")
+    assert {row["id"] for row in json.loads(text)} == {mesh.id for mesh in meshes}
+    for row in json.loads(text):
+        row["name"].encode("utf-8")
+        assert row["name"].isprintable()
+    with web_server(WebServer(text.encode())) as copy:
+        assert list_meshes(copy.url) == tuple(meshes)
+
+
+async def test_names_without_letters_are_told_apart(tmp_path: Path) -> None:
+    for name in ("網", "猫", "\udcfe", "\udcff"):
+        (tmp_path / f"{name}.tide").write_bytes(WHOLE)
+    assert len(await export_static([str(tmp_path)], tmp_path / "site", link=QUICK)) == 4
 
 
 async def test_what_a_server_tells_of_its_meshes_goes_with_them(scans: Path, tmp_path: Path) -> None:
@@ -81,9 +155,9 @@ async def test_what_a_server_tells_of_its_meshes_goes_with_them(scans: Path, tmp
     with web_server(WebServer((site / "meshes" / "index.json").read_bytes())) as copy:
         assert list_meshes(copy.url) == tuple(again)
     (scans / "cup.tide").write_bytes(WHOLE)
-    assert (await export_static([str(scans / "cup.tide")], site, link=QUICK))[0].licence is None
+    assert (await export_static([str(scans / "cup.tide")], site, link=QUICK, overwrite=True))[0].licence is None
     (site / "meshes" / "index.json").write_text("no list")
-    assert len(await export_static([str(scans / "cup.tide")], site, link=QUICK)) == 2
+    assert len(await export_static([str(scans / "cup.tide")], site, link=QUICK, overwrite=True)) == 2
 
 
 async def test_nothing_damaged_is_exported(scans: Path, tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ def test_the_compact_profile_is_the_default(mesh_file: Path, options: list[str])
 def test_the_order_of_the_input_can_be_kept(mesh_file: Path, tmp_path: Path) -> None:
     assert meshtide("encode", mesh_file, "-o", tmp_path / "kept.tide", "--store-permutation").exit_code == 0
     assert meshtide("decode", tmp_path / "kept.tide", "--input-order").exit_code == 0
-    restored, original = load_mesh(tmp_path / "kept.ply"), load_mesh(mesh_file)
+    restored, original = load_mesh(tmp_path / "kept.decoded.ply"), load_mesh(mesh_file)
     assert (abs(restored.vertices - original.vertices) < 0.01).all()
     assert meshtide("encode", mesh_file, "-o", tmp_path / "lost.tide").exit_code == 0
     assert isinstance(meshtide("decode", tmp_path / "lost.tide", "--input-order").exception, OptionError)
@@ -153,15 +153,15 @@ def test_a_cut_off_file_is_refused_or_gives_its_best_level(stream_file: Path, tm
     cut = tmp_path / "cut.tide"
     cut.write_bytes(stream_file.read_bytes()[:-10])
     assert isinstance(meshtide("decode", cut).exception, TruncatedError)
-    assert not cut.with_suffix(".ply").exists()
+    assert not cut.with_suffix(".decoded.ply").exists()
     result = meshtide("decode", cut, "--partial", "--json")
     answer = json.loads(result.stdout)
     assert answer["exact"] is False
     assert "ends after" in answer["problem"]
-    assert cut.with_suffix(".ply").exists()
+    assert cut.with_suffix(".decoded.ply").exists()
     assert isinstance(meshtide("info", cut).exception, TruncatedError)
     cut.write_bytes(stream_file.read_bytes()[:50])
-    assert isinstance(meshtide("decode", cut, "--partial").exception, TruncatedError)
+    assert isinstance(meshtide("decode", cut, "--partial", "--overwrite").exception, TruncatedError)
 
 
 def test_a_file_cut_off_behind_its_previews_gives_the_best_of_them(tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_a_file_cut_off_behind_its_previews_gives_the_best_of_them(tmp_path: Pat
 
 def test_files_that_are_not_what_is_asked_for(stream_file: Path, mesh_file: Path) -> None:
     assert isinstance(meshtide("decode", mesh_file).exception, StreamError)
-    assert isinstance(meshtide("encode", stream_file).exception, MeshFileError)
+    assert isinstance(meshtide("encode", stream_file, "-o", stream_file.with_name("x")).exception, MeshFileError)
     assert isinstance(meshtide("encode", stream_file.with_name("nowhere.ply")).exception, FileNotFoundError)
 
 

@@ -32,7 +32,7 @@ def peers() -> None:
 @pytest.mark.usefixtures("peers", "mesh_file")
 def test_compare_writes_tables_and_plots(tmp_path: Path) -> None:
     (tmp_path / "broken.off").write_text("no mesh")
-    save_mesh(grid(12), tmp_path / "grid.obj")
+    save_mesh(grid(12), tmp_path / "patch.obj")
     output = tmp_path / "out" / "put"
     result = meshtide("compare", tmp_path, "--bits", 9, "-B", 10, "--output", output)
     assert result.exit_code == 0, result.output
@@ -42,13 +42,45 @@ def test_compare_writes_tables_and_plots(tmp_path: Path) -> None:
     with (output / "sizes.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["mesh"], row["bits"]) for row in rows] == [
-        ("grid", "9"), ("grid", "10"), ("grid-2", "9"), ("grid-2", "10")
+        ("grid", "9"), ("grid", "10"), ("patch", "9"), ("patch", "10")
     ]  # fmt: skip
     assert {path.name for path in output.iterdir()} == {
         "sizes.csv", "targets.csv", "states.csv", "comparison.json",
-        "grid-9.png", "grid-10.png", "grid-2-9.png", "grid-2-10.png",
+        "grid-9.png", "grid-10.png", "patch-9.png", "patch-10.png",
     }  # fmt: skip
     assert len(json.loads((output / "comparison.json").read_text())["summaries"]) == 2
+
+
+@pytest.mark.usefixtures("peers")
+def test_compare_replaces_no_file_and_mixes_no_meshes_up(mesh_file: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    output.mkdir()
+    (output / "grid-9.png").write_text("a picture of mine")
+    refused = meshtide("compare", mesh_file, "-B", 9, "-o", output).exception
+    assert isinstance(refused, OptionError)
+    assert "grid-9.png is there already" in str(refused)
+    assert [path.name for path in output.iterdir()] == ["grid-9.png"]
+    save_mesh(grid(12), tmp_path / "grid.obj")
+    refused = meshtide("compare", tmp_path, "-o", tmp_path / "new").exception
+    assert isinstance(refused, OptionError)
+    assert "grid.obj and " in str(refused)
+    assert "grid.ply would both become grid" in str(refused)
+    assert not (tmp_path / "new").exists()
+    assert isinstance(meshtide("compare", mesh_file, "-o", mesh_file).exception, OptionError)
+    result = meshtide("compare", mesh_file, "-B", 9, "-o", output, "--overwrite", "--profile", "classic")
+    assert result.exit_code == 0, result.output
+    assert (output / "grid-9.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.usefixtures("peers")
+def test_compare_shows_names_as_they_are(tmp_path: Path) -> None:
+    save_mesh(grid(8), tmp_path / "[bold]\x1b[31m\udcff$\\x$.ply")
+    output = tmp_path / "out"
+    result = meshtide("compare", tmp_path, "-B", 8, "--profile", "classic", "-o", output)
+    assert result.exit_code == 0, result.output
+    assert r"[bold]\x1b[31m\udcff$\x$" in result.stdout
+    assert r"[bold]\u001b[31m\\udcff$\\x$" in (output / "comparison.json").read_text()
+    assert r"\udcff" in (output / "sizes.csv").read_text("utf-8")
 
 
 @pytest.mark.usefixtures("peers")
@@ -91,7 +123,18 @@ def test_encode_writes_a_report(mesh_file: Path, tmp_path: Path) -> None:
     result = meshtide("encode", mesh_file, "--report", tmp_path / "reports")
     assert result.exit_code == 0, result.output
     assert (tmp_path / "reports" / "grid-report.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "reports" / "grid-report.html").read_text().startswith("<!DOCTYPE html>")
+    page = tmp_path / "reports" / "grid-report.html"
+    assert page.read_text().startswith("<!DOCTYPE html>")
+    page.write_text("mine")
+    before = mesh_file.with_suffix(".tide").stat().st_mtime_ns
+    assert isinstance(meshtide("encode", mesh_file, "--report", tmp_path / "reports").exception, OptionError)
+    assert isinstance(meshtide("encode", mesh_file, "--report", mesh_file).exception, OptionError)
+    both = tmp_path / "both.png"
+    assert isinstance(meshtide("encode", mesh_file, "-o", both, "--report", both).exception, OptionError)
+    assert (page.read_text(), both.exists()) == ("mine", False)
+    assert mesh_file.with_suffix(".tide").stat().st_mtime_ns == before
+    assert meshtide("encode", mesh_file, "--report", tmp_path / "reports", "--overwrite").exit_code == 0
+    assert page.read_text().startswith("<!DOCTYPE html>")
 
 
 def test_a_report_of_another_kind_is_refused_before_the_work(mesh_file: Path, tmp_path: Path) -> None:

@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+from meshtide_codec.command_line import LONGEST_EXPLANATION
+from meshtide_codec.json_text import json_text
+from meshtide_codec.printable import printable, shown
+
 Mesh = Annotated[str, typer.Argument(help="The mesh: http://host:port/meshes/ID.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news until the connection counts as lost.")]
@@ -36,7 +40,6 @@ def edit(
 
     Example: MESHTIDE_TOKEN=... meshtide edit http://localhost:8000/meshes/vase --tag clay --licence "CC BY 4.0"
     """
-    import json
     from dataclasses import asdict
 
     from meshtide_client.credentials import find_token
@@ -48,9 +51,10 @@ def edit(
     wanted = [] if no_tags else tag
     mesh = change_mesh(url, name=name, tags=wanted, licence=licence, timeout=timeout, token=find_token(token_file))
     if as_json:
-        typer.echo(json.dumps(asdict(mesh)))
+        typer.echo(json_text(asdict(mesh)))
     else:
-        typer.echo(f"{mesh.id}: {mesh.name}; tags: {', '.join(mesh.tags) or 'none'}; terms: {mesh.licence or 'none'}")
+        told = f"{mesh.id}: {mesh.name}; tags: {', '.join(mesh.tags) or 'none'}; terms: {mesh.licence or 'none'}"
+        typer.echo(printable(told, LONGEST_EXPLANATION))
 
 
 def delete(
@@ -64,8 +68,6 @@ def delete(
 
     Example: MESHTIDE_TOKEN=... meshtide delete http://localhost:8000/meshes/vase --yes
     """
-    import json
-
     from meshtide_client.credentials import find_token
     from meshtide_client.curation.requests import delete_mesh
 
@@ -74,9 +76,9 @@ def delete(
     for url in urls:
         delete_mesh(url, timeout=timeout, token=find_token(token_file))
         if not as_json:
-            typer.echo(f"{url} is deleted")
+            typer.echo(f"{shown(url)} is deleted")
     if as_json:
-        typer.echo(json.dumps({"deleted": urls}))
+        typer.echo(json_text({"deleted": urls}))
 
 
 def tags(
@@ -90,14 +92,12 @@ def tags(
 
     Example: meshtide tags http://localhost:8000
     """
-    import json
-
     from meshtide_client.credentials import find_token
     from meshtide_client.curation.requests import list_tags
 
     found = list_tags(url, limit=limit, timeout=timeout, token=find_token(token_file))
     if as_json:
-        typer.echo(json.dumps({"tags": found}))
+        typer.echo(json_text({"tags": found}))
         return
     for tag, count in found.items():
-        typer.echo(f"{count}\t{tag}")
+        typer.echo(f"{count}\t{printable(tag)}")

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from meshtide_codec.printable import printable, shown
+from meshtide_codec.shared_options import OverwriteOption
+
 if TYPE_CHECKING:
     from meshtide_client.paper.run import PaperResults
 
@@ -32,7 +35,7 @@ def paper(
     processes: Annotated[
         int | None, typer.Option(min=1, help="How many share the work.", show_default="one a processor")
     ] = None,
-    replace: Annotated[bool, typer.Option(help="Write over an earlier report.")] = False,
+    overwrite: OverwriteOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print all figures as one JSON object.")] = False,
 ) -> None:
     """Run section 5 of the paper again: rates by filter and degree, errors, norms, pictures, and a report of them.
@@ -42,22 +45,24 @@ def paper(
 
     Example: meshtide paper sphere fandisk.obj -o report
     """
-    import json
     import os
 
     from meshtide_client.paper import plots
     from meshtide_client.paper.output import check_folder, plain_results, write_report
-    from meshtide_client.paper.run import DEFAULT_MESHES, run_paper
+    from meshtide_client.paper.run import DEFAULT_MESHES, mesh_name, run_paper
     from meshtide_codec.classic.options import ClassicOptions
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.comparison.extras import check_extras
     from meshtide_codec.errors import MeshError
+    from meshtide_codec.json_text import json_text
+    from meshtide_codec.output_policy import check_different
 
     options = ClassicOptions(
         bits=bits, drop_bits=drop_bits, minimum_ratio=minimum_ratio, coarsest_vertices=coarsest_vertices
     )
     check_extras(*plots.LIBRARIES, group=plots.EXTRA)
-    check_folder(output, replace=replace)
+    check_different((mesh_name(text), text) for text in dict.fromkeys(meshes or DEFAULT_MESHES))
+    check_folder(output, overwrite=overwrite)
     with progress_bar("paper") as progress:
         results = run_paper(
             meshes or DEFAULT_MESHES, options, processes=processes or os.cpu_count() or 1, progress=progress
@@ -67,14 +72,15 @@ def paper(
             raise MeshError(f"none of the meshes could be analysed: {reasons}")
         files = write_report(results, output, progress)
     if as_json:
-        typer.echo(json.dumps(plain_results(results) | {"files": [str(path) for path in files]}))
+        typer.echo(json_text(plain_results(results) | {"files": [str(path) for path in files]}))
         return
     _show(results)
-    typer.echo(f"report: {files[0]}")
+    typer.echo(f"report: {shown(files[0])}")
 
 
 def _show(results: PaperResults) -> None:
     from rich.table import Table
+    from rich.text import Text
 
     from meshtide_codec.command_line import wide_console
     from meshtide_codec.sphere import PAPER_FILTERS
@@ -85,7 +91,9 @@ def _show(results: PaperResults) -> None:
         for name in PAPER_FILTERS:
             table.add_column(name, justify="right")
         for mesh in results.meshes:
-            table.add_row(mesh.name, *(f"{found.schemes[scheme].sizes.rate:.2f}" for found in mesh.filters.values()))
+            table.add_row(
+                Text(shown(mesh.name)), *(f"{found.schemes[scheme].sizes.rate:.2f}" for found in mesh.filters.values())
+            )
             printed = mesh.published
             if printed is not None:
                 known = {name: row.rate for name, row in getattr(printed, scheme).items()}
@@ -96,4 +104,4 @@ def _show(results: PaperResults) -> None:
                 )
         wide_console().print(table)
     for name, reason in results.failures.items():
-        typer.echo(f"not analysed: {name}: {reason}")
+        typer.echo(printable(f"not analysed: {name}: {reason}"))

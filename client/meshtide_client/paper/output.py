@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from meshtide_client.paper import pictures, plots, tables
 from meshtide_client.paper.report import report_page
 from meshtide_codec.errors import OptionError
+from meshtide_codec.json_text import json_text
 from meshtide_codec.output_files import write_atomically
+from meshtide_codec.output_policy import output_folder
+from meshtide_codec.printable import encodable, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,20 +23,17 @@ RESULTS = "results.json"
 REPORT = "report.html"
 
 
-def check_folder(folder: Path, *, replace: bool) -> None:
-    """Make the folder; one that holds something is left alone, unless it is an earlier report that may be replaced.
+def check_folder(folder: Path, *, overwrite: bool) -> None:
+    """Make the folder; one that holds something is left alone, unless files in it may be replaced.
 
     Raises:
         OptionError: the folder holds something.
         OSError: it cannot be made.
     """
-    if folder.exists() and not folder.is_dir():
-        raise OptionError(f"{folder} is a file; name a folder for the report")
-    if folder.exists() and any(folder.iterdir()):
-        if not (folder / RESULTS).exists():
-            raise OptionError(f"{folder} holds files of something else; name a new folder")
-        if not replace:
-            raise OptionError(f"{folder} holds a report; name a new folder, or add --replace")
+    output_folder(folder)
+    if not overwrite and folder.exists() and any(folder.iterdir()):
+        what = "a report" if (folder / RESULTS).exists() else "files of something else"
+        raise OptionError(f"{shown(folder)} holds {what}; name a new folder, or add --overwrite")
     folder.mkdir(parents=True, exist_ok=True)
 
 
@@ -78,10 +77,10 @@ def write_report(
             write_atomically(files[-1], picture)
     for name, rows in _row_sets(results).items():
         files.append(folder / f"{name}.csv")
-        write_atomically(files[-1], tables.csv_text(rows).encode())
+        write_atomically(files[-1], encodable(tables.csv_text(rows)).encode())
     files.append(folder / RESULTS)
-    write_atomically(files[-1], json.dumps(plain_results(results), indent=1).encode())
-    write_atomically(files[0], report_page(results, drawn).encode())
+    write_atomically(files[-1], json_text(plain_results(results), indent=1).encode())
+    write_atomically(files[0], encodable(report_page(results, drawn)).encode())
     report("written", 1.0)
     return files
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from meshtide_client.paper.mesh_result import PICTURED_FILTERS
 from meshtide_codec.comparison.extras import extra
+from meshtide_codec.printable import shown
 from meshtide_codec.statistics import PowerLaw
 
 if TYPE_CHECKING:
@@ -38,7 +39,8 @@ def histogram_plot(mesh: MeshResult) -> bytes:
         MeshtideError: matplotlib is not installed.
     """
     figure = extra(FIGURE, EXTRA).Figure(figsize=(11, 7.5), layout="constrained")
-    figure.suptitle(f"{mesh.name}: Diffs of the single resolution scheme and fitted power law")
+    title = f"{shown(mesh.name)}: Diffs of the single resolution scheme and fitted power law"
+    figure.suptitle(title, parse_math=False)
     magnitudes = np.concatenate([np.abs(_differences(mesh, name)) for name in PICTURED_FILTERS])
     reach = max(1, int(np.quantile(magnitudes, SHOWN_SHARE)))
     width = -(-(2 * reach + 1) // MOST_BINS)
@@ -76,7 +78,7 @@ def rate_plot(mesh: MeshResult) -> bytes:
         published = mesh.published
         if published is not None and scheme == "multi":
             axes.plot(degrees, published.degrees, "x", color="black", label="least squares, published")
-        axes.set_title(f"{mesh.name}, {title}")
+        axes.set_title(f"{shown(mesh.name)}, {title}", parse_math=False)
         axes.set_xlabel("degree")
         axes.set_ylabel("geometry / bits per vertex")
         axes.grid(visible=True, color="0.9")

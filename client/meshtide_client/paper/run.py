@@ -121,14 +121,22 @@ def named_mesh(text: str, taken: Sequence[str]) -> tuple[str, str, Mesh]:
         origin, mesh = "a sample mesh that comes with meshtide", load_sample(text)
     else:
         origin, mesh = path.name, load_mesh(path)
-    stem = path.stem
-    if stem == SPHERE and text != SPHERE:  # a file of that name is not the paper's sphere
-        stem = "sphere-file"
+    stem = mesh_name(text)
     name, count = stem, 1
     while name in taken:
         count += 1
         name = f"{stem}-{count}"
     return name, origin, mesh
+
+
+def mesh_name(text: str) -> str:
+    """What the files of the mesh that an argument means are called, where no other mesh has that name.
+
+    >>> mesh_name("scans/fandisk.obj"), mesh_name("sphere"), mesh_name("sphere.ply")
+    ('fandisk', 'sphere', 'sphere-file')
+    """
+    stem = Path(text).stem
+    return "sphere-file" if stem == SPHERE and text != SPHERE else stem  # a file of that name is not the paper's
 
 
 def _jobs(mesh: str) -> list[_Job]:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from meshtide_codec.shared_options import OverwriteOption
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to `app`."""
@@ -31,6 +33,7 @@ def render(
     each_fits: Annotated[
         bool, typer.Option(help="Each mesh fills its picture; otherwise all are in the scale of the last.")
     ] = False,
+    overwrite: OverwriteOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
 ) -> None:
     """Draw meshes side by side into a PNG file, without a screen.
@@ -39,18 +42,19 @@ def render(
 
     Example: meshtide render coarse.ply fine.ply --distance-from scan.obj -o errors.png
     """
-    import json
-
     from meshtide_client.rendering.picture import Style, draw_subjects
     from meshtide_client.rendering.png import png
     from meshtide_client.rendering.shown import coloured_by_distance, load_subjects
     from meshtide_client.rendering.view import View
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.errors import OptionError
-    from meshtide_codec.output_files import write_atomically
+    from meshtide_codec.json_text import json_text
+    from meshtide_codec.output_policy import output_file
+    from meshtide_codec.printable import shown
 
     if output.suffix.lower() != ".png":
         raise OptionError(f"a picture is a .png file, not {output}")
+    target = output_file(output, [*inputs, *([] if distance_from is None else [distance_from])], overwrite=overwrite)
     style = Style(View(turn, tilt), size, columns, smooth, edges)
     with progress_bar("render") as progress:
         progress("read", 0.0)
@@ -61,10 +65,10 @@ def render(
             subjects, scale = coloured_by_distance(subjects, load_subjects([distance_from])[0].mesh)
         progress("draw", 0.6)
         image = draw_subjects(subjects, None if each_fits else subjects[-1].mesh, scale, style)
-        write_atomically(output, png(image))
+        target.write(png(image))
     height, width, _ = image.shape
     if as_json:
         meshes = [{"caption": subject.caption, "vertices": len(subject.mesh.vertices)} for subject in subjects]
-        typer.echo(json.dumps({"output": str(output), "width": width, "height": height, "meshes": meshes}))
+        typer.echo(json_text({"output": str(output), "width": width, "height": height, "meshes": meshes}))
         return
-    typer.echo(f"{output}: {len(subjects)} meshes, {width} x {height} pixels")
+    typer.echo(f"{shown(output)}: {len(subjects)} meshes, {width} x {height} pixels")

@@ -12,11 +12,9 @@ from meshtide_client.rendering.png import png
 from meshtide_client.rendering.rasterizer import PAPER, render
 from meshtide_client.rendering.view import Frame, View
 from meshtide_codec.errors import OptionError
-from meshtide_codec.output_files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -64,14 +62,10 @@ class Subject:
     values: NDArray[np.float64] | None = None
 
 
-def draw_levels(captioned: Sequence[tuple[str, Mesh]], path: Path) -> None:
-    """Draw levels side by side, all in the scale of the last, into a PNG file.
-
-    Raises:
-        OSError: the file cannot be written; nothing is left behind.
-    """
+def levels_picture(captioned: Sequence[tuple[str, Mesh]]) -> bytes:
+    """Levels side by side, all in the scale of the last, as a PNG file."""
     subjects = [Subject(caption, mesh) for caption, mesh in captioned]
-    write_atomically(path, png(draw_subjects(subjects, captioned[-1][1])))
+    return png(draw_subjects(subjects, captioned[-1][1]))
 
 
 def draw_subjects(

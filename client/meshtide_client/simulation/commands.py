@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+from meshtide_codec.printable import printable, shown
+from meshtide_codec.shared_options import OverwriteOption
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to `app`."""
@@ -55,6 +58,7 @@ def simulate(
     ] = None,
     parquet: Annotated[bool, typer.Option(help="Write tables as Parquet too; needs pyarrow.")] = True,
     draw: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw plots; needs matplotlib.")] = True,
+    overwrite: OverwriteOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as one JSON object.")] = False,
 ) -> None:
     """Send meshes over lossy links, many times, and tell what is left of them.
@@ -86,7 +90,9 @@ def simulate(
     sweep = Sweep(tuple(meshes), tuple(variants), tuple(loss or ()), range(first_seed, first_seed + seeds), unprotected)
     check_extras(*(files.PARQUET if parquet else ()), *(plots.LIBRARIES if draw else ()), group=files.EXTRA)
     with progress_bar("simulate") as progress:
-        results = run_sweep(sweep, output, processes=processes or os.cpu_count() or 1, progress=progress)
+        results = run_sweep(
+            sweep, output, processes=processes or os.cpu_count() or 1, overwrite=overwrite, progress=progress
+        )
         progress("tables and plots", 1.0)
         written = files.write_results(results, output, parquet=parquet, draw=draw)
     summary = summarize(results.runs)
@@ -106,14 +112,14 @@ def simulate(
     else:
         wide_console().print(files.summary_table(summary))
         for name, reason in results.failures.items():
-            typer.echo(f"failed: {name}: {reason}")
+            typer.echo(printable(f"failed: {name}: {reason}"))
         resumed = f", {results.resumed} of them done before" if results.resumed else ""
-        typer.echo(f"{output}: {len(results.runs)} runs{resumed}, {len(results.failures)} failures")
+        typer.echo(f"{shown(output)}: {len(results.runs)} runs{resumed}, {len(results.failures)} failures")
     if not results.runs:
         raise MeshtideError("every run of the sweep failed")
 
 
 def _print_json(answer: object) -> None:
-    import json
+    from meshtide_codec.json_text import json_text
 
-    typer.echo(json.dumps(answer))
+    typer.echo(json_text(answer))

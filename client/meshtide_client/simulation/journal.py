@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.errors import OptionError
 from meshtide_codec.output_files import write_atomically
+from meshtide_codec.output_policy import output_folder
+from meshtide_codec.printable import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -22,6 +24,7 @@ RESULTS_VERSION = 1
 
 DEFINITION = "sweep.json"
 RUNS = "runs.jsonl"
+_REMEDY = "name a new folder with -o, or add --overwrite"
 
 
 class Journal:
@@ -30,23 +33,27 @@ class Journal:
     Args:
         folder: of the results.
         definition: plain values that tell the whole sweep.
+        overwrite: whether results of another sweep, or anything else in the folder, may be replaced.
 
     Raises:
         OptionError: the folder holds results of another version or sweep, or something else.
         OSError: it cannot be written.
     """
 
-    def __init__(self, folder: Path, definition: Mapping[str, Any]) -> None:
+    def __init__(self, folder: Path, definition: Mapping[str, Any], *, overwrite: bool = False) -> None:
         self._path = folder / RUNS
         told = {"meshtide": version("meshtide"), "results": RESULTS_VERSION, "sweep": definition}
         self.done: dict[int, dict[str, Any]] = {}
-        if (folder / DEFINITION).exists():
-            _compare(folder, told)
+        self.goes_on = (folder / DEFINITION).exists() and _goes_on(folder, told, overwrite=overwrite)
+        """Whether it is that of an earlier attempt at the same sweep."""
+        if self.goes_on:
             self._read()
             return
-        if folder.exists() and any(folder.iterdir()):
-            raise OptionError(f"{folder} holds other files; name a new folder with -o")
+        output_folder(folder)
+        if not overwrite and folder.exists() and any(folder.iterdir()):
+            raise OptionError(f"{shown(folder)} holds other files; {_REMEDY}")
         folder.mkdir(parents=True, exist_ok=True)
+        self._path.unlink(missing_ok=True)
         write_atomically(folder / DEFINITION, (json.dumps(told, indent=1) + "\n").encode())
 
     def add(self, results: Iterable[dict[str, Any]]) -> None:
@@ -74,6 +81,17 @@ class Journal:
         self.close()
 
 
+def _goes_on(folder: Path, told: Mapping[str, Any], *, overwrite: bool) -> bool:
+    """Whether the folder's sweep is this one; another one is an error unless it may be replaced."""
+    try:
+        _compare(folder, told)
+    except OptionError:
+        if overwrite:
+            return False
+        raise
+    return True
+
+
 def _compare(folder: Path, told: Mapping[str, Any]) -> None:
     """Raise OptionError unless the folder's sweep is this one."""
     try:
@@ -81,16 +99,14 @@ def _compare(folder: Path, told: Mapping[str, Any]) -> None:
         versions = (earlier["meshtide"], earlier["results"])
         definition = earlier["sweep"]
     except (ValueError, KeyError, TypeError):
-        raise OptionError(f"{folder / DEFINITION} is not that of a sweep; name a new folder with -o") from None
+        raise OptionError(f"{folder / DEFINITION} is not that of a sweep; {_REMEDY}") from None
     if versions != (told["meshtide"], told["results"]):
         raise OptionError(
             f"{folder} holds results of meshtide {versions[0]} (results {versions[1]}); this is meshtide "
-            f"{told['meshtide']} (results {told['results']}); name a new folder with -o"
+            f"{told['meshtide']} (results {told['results']}); {_REMEDY}"
         )
     mine = json.loads(json.dumps(told["sweep"]))
     if definition != mine:
         keys = sorted(set(mine) | set(definition))
         differing = [name for name in keys if definition.get(name) != mine.get(name)]
-        raise OptionError(
-            f"{folder} holds another sweep (it differs in {', '.join(differing)}); name a new folder with -o"
-        )
+        raise OptionError(f"{folder} holds another sweep (it differs in {', '.join(differing)}); {_REMEDY}")

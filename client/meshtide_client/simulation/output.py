@@ -10,6 +10,7 @@ from meshtide_client.simulation import plots
 from meshtide_client.simulation.summary import summarize
 from meshtide_codec.comparison.extras import extra
 from meshtide_codec.output_files import write_atomically
+from meshtide_codec.printable import encodable, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -68,7 +69,7 @@ def csv_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
     writer.writerow(rows[0])
     for row in rows:
         writer.writerow("" if value != value else value for value in row.values())  # noqa: PLR0124 - NaN
-    return text.getvalue().encode()
+    return encodable(text.getvalue()).encode()
 
 
 def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
@@ -79,7 +80,9 @@ def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
     """
     arrow, parquet = (extra(module, EXTRA) for module in PARQUET)
     file = io.BytesIO()
-    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    columns = {
+        name: [encodable(row[name]) if isinstance(row[name], str) else row[name] for row in rows] for name in rows[0]
+    }
     parquet.write_table(arrow.table(columns), file)
     return file.getvalue()
 
@@ -87,6 +90,7 @@ def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
 def summary_table(summary: Sequence[Mapping[str, Any]]) -> Table:
     """The summary, to be printed: means, and half the width of their 95 % intervals."""
     from rich.table import Table  # noqa: PLC0415 - heavy
+    from rich.text import Text  # noqa: PLC0415 - the same
 
     table = Table(title="means over seeds, and the 95 % intervals of the means")
     for column in ("mesh", "stream", "link"):
@@ -95,9 +99,9 @@ def summary_table(summary: Sequence[Mapping[str, Any]]) -> Table:
         table.add_column(column, justify="right")
     for row in summary:
         table.add_row(
-            row["mesh"],
-            row["stream"],
-            row["loss"],
+            Text(shown(row["mesh"])),
+            Text(row["stream"]),
+            Text(row["loss"]),
             str(row["runs"]) if row["shown"] == row["runs"] else f"{row['shown']} of {row['runs']} shown",
             f"{100 * row['lost_share']:.1f} %",
             _figure(row, "rms", ".2e"),

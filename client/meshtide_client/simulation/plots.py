@@ -10,6 +10,7 @@ from meshtide_client.link.loss import GilbertElliott, IndependentLoss
 from meshtide_client.link.syntax import parse_models
 from meshtide_client.simulation.summary import grouped, mean_interval
 from meshtide_codec.comparison.extras import extra
+from meshtide_codec.printable import shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -58,7 +59,7 @@ def loss_distortion_plot(summary: Sequence[Mapping[str, Any]]) -> bytes:
                         (100 * loss, row[measure], row[f"{measure}_95"])
                     )
             _draw(axes, lines)
-            axes.set_title(mesh[0]["mesh"])
+            axes.set_title(shown(mesh[0]["mesh"]), parse_math=False)
             axes.set_yscale("log")
             axes.set_xlabel("mean loss / per cent of packets")
             axes.set_ylabel(f"{label} distance of the surfaces / diagonal")
@@ -83,7 +84,7 @@ def rate_distortion_plot(levels: Sequence[Mapping[str, Any]]) -> bytes:
                 name = f"{group[0]['stream']}, {group[0]['loss']}"
                 lines.setdefault(name, []).append((group[0]["stream_bytes"], mean, half))
         _draw(axes, lines)
-        axes.set_title(mesh[0]["mesh"])
+        axes.set_title(shown(mesh[0]["mesh"]), parse_math=False)
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel("bytes of the stream up to the level, before losses")

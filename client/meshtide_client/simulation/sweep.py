@@ -16,6 +16,7 @@ from meshtide_client.simulation.sources import open_source
 from meshtide_client.simulation.variants import Variant
 from meshtide_client.simulation.worker import Job, Run, do_job, make_stream
 from meshtide_codec.errors import MeshError, MeshtideError, OptionError
+from meshtide_codec.output_policy import check_different, output_file
 from meshtide_codec.stream.container import read_available
 
 if TYPE_CHECKING:
@@ -92,6 +93,7 @@ def run_sweep(
     folder: Path,
     *,
     processes: int = 1,
+    overwrite: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> SweepResults:
     """Run what of a sweep is not done yet, and return all of it.
@@ -100,21 +102,30 @@ def run_sweep(
         sweep: what to do.
         folder: for journal and streams; one that holds part of this very sweep is gone on with.
         processes: how many share the work.
+        overwrite: whether what the folder holds may be replaced, if it is anything else.
         progress: is called with a stage and the fraction of it that is done.
 
     Raises:
-        OptionError: the folder holds another sweep, or results of another version.
+        OptionError: the folder holds another sweep, or results of another version, or a mesh of this one where a
+            stream is to be written; or two meshes have one name.
         MeshError: none of the meshes could be encoded.
     """
     report = progress or (lambda _stage, _fraction: None)
     report("read", 0.0)
     results = SweepResults()
     sources = _open_sources(sweep, results)
-    journal = Journal(folder, _definition(sweep, sources))
+    check_different((source.name, source.place) for source in sources)
+    streams = _wanted_streams(sweep, sources, folder)
+    for stream in streams:
+        output_file(stream.path, sweep.meshes, overwrite=True, new_folder=True)
+    journal = Journal(folder, _definition(sweep, sources), overwrite=overwrite)
     (folder / STREAMS).mkdir(exist_ok=True)
+    if not journal.goes_on:
+        for stream in streams:
+            stream.path.unlink(missing_ok=True)
     results.resumed = len(journal.done)
     with _Workers(processes) as workers:
-        streams = _make_streams(sweep, sources, folder, workers, results, report)
+        _make_streams(streams, workers, results, report)
         runs = _runs(sweep, streams)
         jobs = _jobs(runs, streams, journal, sweep.unprotected)
         total = sum(len(job.runs) for job in jobs)
@@ -178,20 +189,20 @@ def _definition(sweep: Sweep, sources: Sequence[Source]) -> dict[str, Any]:
     }
 
 
-def _make_streams(
-    sweep: Sweep,
-    sources: Sequence[Source],
-    folder: Path,
-    workers: _Workers,
-    results: SweepResults,
-    report: Callable[[str, float], None],
-) -> list[Stream]:
-    """All streams of the sweep; the file of one that cannot be made is missing. Those made before are kept."""
+def _wanted_streams(sweep: Sweep, sources: Sequence[Source], folder: Path) -> list[Stream]:
+    """All streams of the sweep, whether their files are there yet or not."""
     wanted = []
     for place, source in enumerate(sources):
         variants = sweep.variants if source.stream is None else (_variant_of(source.stream),)
         for number, variant in enumerate(variants):
             wanted.append(Stream(source, variant, folder / STREAMS / f"{place}-{source.name}-{number}.tide"))
+    return wanted
+
+
+def _make_streams(
+    wanted: Sequence[Stream], workers: _Workers, results: SweepResults, report: Callable[[str, float], None]
+) -> None:
+    """Make the files of streams; that of one that cannot be made is missing. Those made before are kept."""
     missing = [stream for stream in wanted if not stream.path.exists()]
     calls = [(index, stream.source, stream.variant, str(stream.path)) for index, stream in enumerate(missing)]
     for done, (index, problem) in enumerate(workers.results(_make_numbered, calls), start=1):
@@ -200,7 +211,6 @@ def _make_streams(
         report(f"encoded {done} of {len(missing)} streams", done / len(missing))
     if not any(stream.path.exists() for stream in wanted):
         raise MeshError(f"none of the meshes could be encoded: {'; '.join(results.failures.values())}")
-    return wanted
 
 
 def _make_numbered(index: int, source: Source, variant: Variant, path: str) -> tuple[int, str | None]:

@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from meshtide_codec.printable import encodable, printable, shown
+from meshtide_codec.shared_options import OverwriteOption
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from meshtide_codec.comparison.mesh_comparison import MeshComparison
     from meshtide_codec.comparison.report import StreamReport
     from meshtide_codec.encoder import EncodedMesh
+    from meshtide_codec.output_policy import OutputFile
 
 
 def register(app: typer.Typer) -> None:
@@ -31,6 +35,7 @@ def compare(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for CSV and JSON files and a plot of each mesh.")
     ] = None,
+    overwrite: OverwriteOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
 ) -> None:
     """Compare meshtide with Draco, and with the ladder of simplified Draco files that shows a mesh coarse to fine.
@@ -52,8 +57,7 @@ def compare(
     options = [profile_options(profile, each, {"effort": effort}, {}) for each in bits or [12]]
     paths = _mesh_files(meshes)
     check_extras(draco.LIBRARY, ladder.LIBRARY, *(plots.LIBRARIES if output is not None else ()))
-    if output is not None:
-        output.mkdir(parents=True, exist_ok=True)
+    files = _Files(output, paths, [each.bits for each in options], overwrite=overwrite) if output is not None else None
     comparisons: list[MeshComparison] = []
     refused: dict[str, str] = {}
     with progress_bar("compare") as progress:
@@ -65,49 +69,59 @@ def compare(
                 comparisons += [compare_mesh(f"{name}", mesh, each, progress) for each in options]
             except MeshError as error:
                 refused[name] = str(error)
-    if output is not None:
-        _write_files(comparisons, output)
+    if files is not None:
+        files.write(comparisons)
     _show(comparisons, refused, as_json=as_json)
     if not comparisons:
         raise MeshError("none of the meshes could be compared")
 
 
-def report_target(target: Path | None, mesh: Path) -> list[Path] | None:
+def report_target(target: Path | None, mesh: Path, stream: Path, *, overwrite: bool) -> list[OutputFile] | None:
     """The files of `encode --report TARGET`, checked before the work begins; None without a report.
 
+    Args:
+        target: where the report goes, or None for no report.
+        mesh: that is encoded.
+        stream: where its stream goes, which no report may be.
+        overwrite: whether existing files are replaced.
+
     Raises:
-        OptionError: a file of a kind that a report cannot be.
+        OptionError: a file of a kind that a report cannot be, or one that is not to be replaced.
         MeshtideError: a library is not installed.
+        OSError: nothing can be written there.
     """
     if target is None:
         return None
     from meshtide_codec.comparison.report import report_files
+    from meshtide_codec.output_policy import output_file, output_folder
 
-    return report_files(target, mesh.stem)
+    files = report_files(target, mesh.stem)
+    for path in files:
+        output_folder(path.parent)
+    return [output_file(path, [mesh, stream], overwrite=overwrite, new_folder=True) for path in files]
 
 
-def written_report(files: Sequence[Path] | None, mesh: Path, encoded: EncodedMesh) -> StreamReport | None:
+def written_report(files: Sequence[OutputFile] | None, mesh: Path, encoded: EncodedMesh) -> StreamReport | None:
     """The report of a stream, its files written; None without a report."""
     if files is None:
         return None
     from meshtide_codec.comparison.report import StreamReport
-    from meshtide_codec.output_files import write_atomically
 
-    report = StreamReport(mesh.stem, encoded, files)
-    for path in files:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, report.file(path))
+    report = StreamReport(mesh.stem, encoded, [file.path for file in files])
+    for file in files:
+        file.path.parent.mkdir(parents=True, exist_ok=True)
+        file.write(report.file(file.path))
     return report
 
 
-def print_report(report: StreamReport) -> None:
+def print_report(report: StreamReport, *, err: bool = False) -> None:
     """Print the tables of a report, and where its files are."""
     from meshtide_codec.command_line import wide_console
 
     for table in report.tables():
-        wide_console().print(table)
+        wide_console(stderr=err).print(table)
     for path in report.files:
-        typer.echo(f"report: {path}")
+        typer.echo(f"report: {shown(path)}", err=err)
 
 
 def _mesh_files(arguments: Sequence[Path]) -> dict[str, Path]:
@@ -135,34 +149,59 @@ def _mesh_files(arguments: Sequence[Path]) -> dict[str, Path]:
     return named
 
 
-def _write_files(comparisons: Sequence[MeshComparison], output: Path) -> None:
-    import json
+class _Files:
+    """The files of a comparison, every one of them checked before the work begins.
 
-    from meshtide_codec.comparison import plots, tables
-    from meshtide_codec.output_files import write_atomically
+    Args:
+        folder: where they go.
+        paths: the meshes by their names.
+        bits: of which each mesh gets a plot.
+        overwrite: whether existing files are replaced.
 
-    for name, rows in (
-        ("sizes", tables.size_rows(comparisons)),
-        ("targets", tables.target_rows(comparisons)),
-        ("states", tables.state_rows(comparisons)),
-    ):
-        write_atomically(output / f"{name}.csv", tables.csv_text(rows).encode())
-    write_atomically(output / "comparison.json", json.dumps(tables.plain_comparison(comparisons), indent=1).encode())
-    for item in comparisons:
-        title = f"{item.name}: {item.vertices} vertices, B = {item.bits}"
-        size = None if item.draco is None else item.draco.size
-        write_atomically(output / f"{item.name}-{item.bits}.png", plots.comparison_plot(title, item.curves, size))
+    Raises:
+        OptionError: two meshes lead to one file, or one is there that is not to be replaced.
+        OSError: nothing can be written there.
+    """
+
+    TABLES = ("sizes", "targets", "states")
+
+    def __init__(self, folder: Path, paths: Mapping[str, Path], bits: Sequence[int], *, overwrite: bool) -> None:
+        from meshtide_codec.output_policy import check_different, output_file, output_folder
+
+        output_folder(folder)
+        check_different((path.stem, path) for path in paths.values())
+        names = [*(f"{name}.csv" for name in self.TABLES), "comparison.json"]
+        names += [f"{name}-{each}.png" for name in paths for each in dict.fromkeys(bits)]
+        files = {name: folder / name for name in names}
+        self._files = {
+            name: output_file(path, paths.values(), overwrite=overwrite, new_folder=True)
+            for name, path in files.items()
+        }
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def write(self, comparisons: Sequence[MeshComparison]) -> None:
+        """Write all of them."""
+        from meshtide_codec.comparison import plots, tables
+        from meshtide_codec.json_text import json_text
+
+        rows = (tables.size_rows(comparisons), tables.target_rows(comparisons), tables.state_rows(comparisons))
+        for name, found in zip(self.TABLES, rows, strict=True):
+            self._files[f"{name}.csv"].write(encodable(tables.csv_text(found)).encode())
+        self._files["comparison.json"].write(json_text(tables.plain_comparison(comparisons), indent=1).encode())
+        for item in comparisons:
+            title = f"{shown(item.name)}: {item.vertices} vertices, B = {item.bits}"
+            size = None if item.draco is None else item.draco.size
+            self._files[f"{item.name}-{item.bits}.png"].write(plots.comparison_plot(title, item.curves, size))
 
 
 def _show(comparisons: Sequence[MeshComparison], refused: dict[str, str], *, as_json: bool) -> None:
-    import json
-
     from meshtide_codec.command_line import wide_console
     from meshtide_codec.comparison import tables
     from meshtide_codec.comparison.summary import summarize
+    from meshtide_codec.json_text import json_text
 
     if as_json:
-        typer.echo(json.dumps(tables.plain_comparison(comparisons) | {"refused": refused}))
+        typer.echo(json_text(tables.plain_comparison(comparisons) | {"refused": refused}))
         return
     if comparisons:
         console = wide_console()
@@ -176,6 +215,6 @@ def _show(comparisons: Sequence[MeshComparison], refused: dict[str, str], *, as_
 
 
 def _print_lines(title: str, lines: Iterable[str]) -> None:
-    shown = list(lines)
-    if shown:
-        typer.echo("\n  ".join([title, *shown]))
+    found = [printable(line) for line in lines]
+    if found:
+        typer.echo("\n  ".join([title, *found]))

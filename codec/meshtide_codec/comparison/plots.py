@@ -50,7 +50,7 @@ def comparison_plot(title: str, curves: Mapping[str, Sequence[State]], draco_byt
         MeshtideError: matplotlib is not installed.
     """
     figure = extra(FIGURE).Figure(figsize=(12, 5), layout="constrained")
-    figure.suptitle(title)
+    figure.suptitle(title, parse_math=False)
     for axes, field, name in zip(
         figure.subplots(1, 2), ("rms", "maximum"), ("RMS distance", "maximum distance"), strict=True
     ):
@@ -78,7 +78,7 @@ def stream_plot(title: str, rows: Sequence[LayerBytes], states: Sequence[State])
         MeshtideError: matplotlib is not installed.
     """
     figure = extra(FIGURE).Figure(figsize=(12, 5), layout="constrained")
-    figure.suptitle(title)
+    figure.suptitle(title, parse_math=False)
     left, right = figure.subplots(1, 2)
     _draw_layers(left, rows)
     floor = min(_floor([states], "rms"), _floor([states], "maximum"))

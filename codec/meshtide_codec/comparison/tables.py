@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from meshtide_codec.comparison.mesh_comparison import FITTED_LADDER, LADDER, MESHTIDE
 from meshtide_codec.comparison.states import TARGETS, bytes_for
 from meshtide_codec.comparison.summary import LADDERS, summarize
+from meshtide_codec.printable import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -98,6 +99,8 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def size_table(comparisons: Iterable[MeshComparison]) -> Table:
     """Bits per vertex, ratios and times of each mesh."""
+    from rich.text import Text  # noqa: PLC0415 - only where a table is shown
+
     table = _table(
         "whole files, bits per vertex of the input; milliseconds of processor time",
         ["mesh"],
@@ -107,7 +110,7 @@ def size_table(comparisons: Iterable[MeshComparison]) -> Table:
     for item in comparisons:
         draco = item.draco
         table.add_row(
-            item.name,
+            Text(shown(item.name)),
             str(item.bits),
             str(item.vertices),
             f"{item.bits_per_vertex(item.whole_size):.2f}",
@@ -126,6 +129,8 @@ def size_table(comparisons: Iterable[MeshComparison]) -> Table:
 
 def target_table(comparisons: Iterable[MeshComparison]) -> Table:
     """Bytes for each distance: meshtide's, the ladder's, and its with steps fitted to each level."""
+    from rich.text import Text  # noqa: PLC0415 - only where a table is shown
+
     table = _table(
         "bytes of the first state whose RMS distance is at most ... of the diagonal: meshtide/ladder/fitted steps",
         ["mesh"],
@@ -136,17 +141,19 @@ def target_table(comparisons: Iterable[MeshComparison]) -> Table:
         for target in TARGETS:
             sizes = [bytes_for(item.curves.get(name, []), target) for name in (MESHTIDE, LADDER, FITTED_LADDER)]
             cells.append("/".join(NOTHING if size is None else str(size) for size in sizes))
-        table.add_row(item.name, str(item.bits), *cells)
+        table.add_row(Text(shown(item.name)), str(item.bits), *cells)
     return table
 
 
 def summary_table(summaries: Sequence[Summary]) -> Table:
     """One column a quantization."""
+    from rich.text import Text  # noqa: PLC0415 - only where a table is shown
+
     table = _table("summary", ["figure"], [f"B = {summary.bits}" for summary in summaries])
     rows = {
         "meshes": [str(item.meshes) for item in summaries],
         "file without previews / Draco, geometric mean": [_figure(item.ratio) for item in summaries],
-        "the worst mesh": [f"{_figure(item.worst)} ({item.worst_mesh or 'none'})" for item in summaries],
+        "the worst mesh": [f"{_figure(item.worst)} ({shown(item.worst_mesh or 'none')})" for item in summaries],
         "stream with previews / Draco, geometric mean": [_figure(item.ratio_with_previews) for item in summaries],
         "previews, bits per vertex": [f"{item.preview_bits_per_vertex:.2f}" for item in summaries],
         "encode, vertices/s": [_rounded(item.encode_speed) for item in summaries],
@@ -155,7 +162,7 @@ def summary_table(summaries: Sequence[Summary]) -> Table:
         "Draco ": [_rounded(item.draco_decode_speed) for item in summaries],
     }
     for name, cells in rows.items():
-        table.add_row(name, *cells)
+        table.add_row(name, *map(Text, cells))
     return table
 
 

@@ -9,41 +9,65 @@ from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.formats import Written, writer_of
 from meshtide_codec.mesh_files.other_formats import write_other
 from meshtide_codec.mesh_files.source import format_suffix
-from meshtide_codec.output_files import write_atomically
+from meshtide_codec.output_files import STANDARD_OUTPUT, write_atomically, write_output
 from meshtide_codec.scene import Scene
 
 if TYPE_CHECKING:
     from meshtide_codec.mesh import Mesh
 
 
-def save_scene(scene: Scene, path: Path | str) -> tuple[str, ...]:
+def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, replace: bool = True) -> tuple[str, ...]:
     """Write a scene to a file, and beside it what the format keeps in files of their own.
+
+    Args:
+        scene: what is written.
+        path: of the file, or ``-`` for standard output.
+        kind: the format, such as ply, in place of what the name tells.
+        replace: whether files that are there already are replaced.
 
     Returns:
         What the format cannot hold, a line each.
 
     Raises:
-        MeshFileError: the format is unknown.
-        OSError: a file cannot be written; nothing is left behind of it.
+        MeshFileError: the format is unknown, or needs files of their own beside standard output.
+        OSError: a file cannot be written, or is there and may not be replaced; nothing is left behind of it.
     """
     path = Path(path)
-    suffix = format_suffix(path.name)
+    suffix = _suffix(path, kind)
     writer = writer_of(suffix)
     try:
         written = Written(write_other(scene, suffix.lstrip("."))) if writer is None else writer(scene, path.name)
     except MeshFileError as error:
         raise MeshFileError(f"cannot write {path}: {error}") from error
+    if written.companions and str(path) == STANDARD_OUTPUT:
+        raise MeshFileError(
+            f"a {suffix} file with {', '.join(written.companions)} beside it needs a folder; name a file"
+        )
     for name, data in written.companions.items():
-        write_atomically(path.parent / name, data)
-    write_atomically(path, written.data)
+        write_atomically(path.parent / name, data, replace=replace)
+    write_output(path, written.data, replace=replace)
     return written.notes
 
 
-def save_mesh(mesh: Mesh, path: Path | str) -> None:
-    """Write a mesh to a file whose name tells the format; an existing file is replaced only once all is written.
+def save_mesh(mesh: Mesh, path: Path | str, *, kind: str | None = None, replace: bool = True) -> None:
+    """Write a mesh to a file whose name, or `kind`, tells the format; see `save_scene`.
 
     Raises:
         MeshFileError: the format is unknown.
-        OSError: the file cannot be written; nothing is left behind.
+        OSError: the file cannot be written, or is there and may not be replaced; nothing is left behind.
     """
-    save_scene(Scene.of(mesh), path)
+    save_scene(Scene.of(mesh), path, kind=kind, replace=replace)
+
+
+def check_format(path: Path, kind: str | None = None) -> None:
+    """Make sure, before any work, that something tells the format of a mesh file.
+
+    Raises:
+        MeshFileError: neither its name nor `kind` does.
+    """
+    if not _suffix(path, kind).lstrip("."):
+        raise MeshFileError(f"cannot write {path}: its name has no ending that tells the format, such as .ply")
+
+
+def _suffix(path: Path, kind: str | None) -> str:
+    return format_suffix(path.name) if kind is None else f".{kind.lstrip('.').lower()}"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from meshtide_codec.errors import MeshFileError, MeshtideError, TransferError
 from meshtide_codec.limits import Limits
+from meshtide_codec.printable import listed_name
 from meshtide_server.bulk_ingest.encode_file import FileTask
 from meshtide_server.catalogue import DatabaseUnavailableError, MeshExistsError, MeshState
 from meshtide_server.encoder_process import ProcessLimits
@@ -194,7 +195,7 @@ class Ingestion:
         settings = self._settings
         limits = Limits(vertices=settings.max_vertices, faces=settings.max_faces, memory=settings.max_decode_memory)
         while True:
-            told = Publication(mesh_id, chosen.file.name, self._tags, self._licence, chosen.digest, box)
+            told = Publication(mesh_id, listed_name(chosen.file), self._tags, self._licence, chosen.digest, box)
             try:
                 await publish(
                     self._store, self._catalogue, stream, told, overwrite=chosen.mesh is not None, limits=limits
