@@ -344,3 +344,21 @@ async def test_bytes_that_are_no_message_are_no_news(frame: bytes, listening: Ca
         with pytest.raises(TransferError, match="sends bytes, but no message|nothing came from"):
             await receive(address, Link(timeout=0.2))
     assert sent < 1 << 21
+
+
+async def test_why_a_server_closes_is_told_escaped(listening: Callable[..., Any]) -> None:
+    async def handle(socket: ServerConnection) -> None:
+        await socket.recv()
+        await socket.close(1011, "\x1b[2J\u202ebye\n")
+
+    async with listening(handle) as address:
+        with pytest.raises(TransferError, match="closed with code 1011") as caught:
+            await receive(address)
+    assert str(caught.value).isprintable()
+    assert "bye" in str(caught.value)
+
+
+async def test_headers_of_what_is_no_websocket_are_told_escaped() -> None:
+    with pytest.raises(ProtocolError) as caught:
+        await answering(b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: \x1b[2J\r\nConnection: upgrade\r\n\r\n")
+    assert str(caught.value).isprintable()
