@@ -19,6 +19,8 @@ from meshtide_client.byte_source import Reading
 from meshtide_client.content_coding import ContentDecoder, expanded
 from meshtide_client.credentials import authorization
 from meshtide_client.problem import LARGEST_PROBLEM, read_problem
+from meshtide_client.secrecy import without_secrets
+from meshtide_client.tls import distrust, tls_context
 from meshtide_codec.errors import PeerError, ProtocolError, TransferError, TruncatedError
 
 if TYPE_CHECKING:
@@ -37,12 +39,13 @@ class WebSource:
     Args:
         url: of the file.
         shown: the same for messages.
-        link: timeout and token.
+        link: timeout, token, and who vouches for the server.
         ranges: whether ranges are asked for.
         local: whether the server is on this machine, so that no proxy stands between.
     """
 
     def __init__(self, url: str, shown: str, link: Link, *, ranges: bool, local: bool) -> None:
+        secure = url.lower().startswith("https:")
         self.name = "http" if ranges else "download"
         self._url = url
         self._shown = shown
@@ -53,6 +56,7 @@ class WebSource:
         self._client = httpx.AsyncClient(
             timeout=link.timeout,
             trust_env=not local,
+            verify=tls_context(link.ca_file, needed=secure),
             follow_redirects=True,
             headers={"Accept-Encoding": "identity", **authorization(link.token)},
         )
@@ -71,11 +75,12 @@ class WebSource:
         except httpx.TimeoutException as error:
             raise TransferError(f"nothing came from {self._shown} for {self._link.timeout:g} seconds") from error
         except (httpx.RemoteProtocolError, httpx.DecodingError) as error:
-            raise TransferError(f"the connection to {self._shown} was lost ({error})") from error
+            raise TransferError(f"the connection to {self._shown} was lost ({without_secrets(str(error))})") from error
         except httpx.TooManyRedirects as error:
             raise ProtocolError(f"{self._shown} is redirected without end; check the address") from error
         except (httpx.HTTPError, httpx.InvalidURL) as error:
-            raise TransferError(f"cannot read {self._shown}: {error}") from error
+            reason = distrust(error) or without_secrets(str(error))
+            raise TransferError(f"cannot read {self._shown}: {reason}") from error
 
     async def close(self) -> None:
         """Close the connections."""
