@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -25,6 +26,10 @@ class WebServer:
         cuts: bytes after which the connection is cut, one entry a request; more requests are served to the end.
         headers: more headers of every answer.
         shift: how far ranges are wrong.
+        heedless: whether If-Match is passed over.
+        coding: what every answer is compressed with, whatever was accepted: "gzip" or "deflate"; a range of the
+            content is taken first, as some proxies do.
+        unframed: whether answers end with the connection, without saying how long they are.
         tokens: Authorization headers that are let pass; all, if there are none.
     """
 
@@ -35,12 +40,17 @@ class WebServer:
     cuts: list[int] = field(default_factory=list)
     headers: dict[str, str] = field(default_factory=dict)
     shift: int = 0
+    heedless: bool = False
+    coding: str = ""
+    unframed: bool = False
     tokens: set[str] = field(default_factory=set)
     problem: bytes = b"nothing here"
     url: str = ""
     requests: list[tuple[str, str | None]] = field(default_factory=list)
     """Path and range of each one."""
     authorizations: list[str | None] = field(default_factory=list)
+    accepted: list[str | None] = field(default_factory=list)
+    """Accept-Encoding of each one."""
     sent: int = 0
 
     def answer(self, request: BaseHTTPRequestHandler) -> None:
@@ -50,7 +60,8 @@ class WebServer:
         if self.status != 200 or (self.tokens and request.headers.get("Authorization") not in self.tokens):
             self._send(request, self.status if self.status != 200 else 403, self.problem, {})
             return
-        if request.headers.get("If-Match", self.tag) != self.tag:
+        self.accepted.append(request.headers.get("Accept-Encoding"))
+        if request.headers.get("If-Match", self.tag) != self.tag and not self.heedless:
             self._send(request, 412, b"", {})
             return
         found = re.fullmatch(r"bytes=(\d+)-(\d*)", asked or "")
@@ -64,13 +75,18 @@ class WebServer:
             self._send(request, 416, b"", {"Content-Range": f"bytes */{len(self.content)}"})
             return
         place = f"bytes {start + self.shift}-{end - 1 + self.shift}/{len(self.content)}"
-        self._send(request, 206, self.content[start:end], {**fixed, "Content-Range": place})
+        self._send(request, 206, self.content[start:end], {"Content-Range": place, **fixed})
 
     def _send(self, request: BaseHTTPRequestHandler, status: int, body: bytes, headers: dict[str, str]) -> None:
         request.send_response(status)
         request.close_connection = True
         request.send_header("Connection", "close")
-        for name, value in {"Content-Length": str(len(body)), **headers}.items():
+        if self.coding and body:
+            compressor = zlib.compressobj(wbits=31 if self.coding == "gzip" else 15)
+            body = compressor.compress(body) + compressor.flush()
+            headers = {"Content-Encoding": self.coding, **headers}
+        length = {} if self.unframed else {"Content-Length": str(len(body))}
+        for name, value in {**length, **headers}.items():
             request.send_header(name, value)
         request.end_headers()
         cut = self.cuts.pop(0) if self.cuts else len(body)

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from urllib.parse import quote, unquote, urlsplit
 
+from meshtide_client.secrecy import shown_address, without_secrets
 from meshtide_codec.errors import OptionError
 
 _SECURE = {"http": False, "ws": False, "https": True, "wss": True}
@@ -101,7 +102,7 @@ class MeshAddress:
         server, path = _split(url, _EXAMPLE)
         found = _MESH_PATH.fullmatch(path.rstrip("/").removesuffix("/stream")) or _MESH_PATH.fullmatch(path)
         if not found:
-            raise OptionError(f"{url!r} names no mesh; write it like {_EXAMPLE}")
+            raise OptionError(f"{shown_address(url)!r} names no mesh; write it like {_EXAMPLE}")
         prefix, mesh = found[1], unquote(found[2])
         if len(mesh) > _LONGEST_MESH_ID:
             raise OptionError(f"the address names a mesh id of {len(mesh)} characters; {_LONGEST_MESH_ID} is the most")
@@ -144,11 +145,12 @@ def _split(url: str, example: str) -> tuple[ServerAddress, str]:
         parts = urlsplit(url.strip())
         host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise OptionError(f"{url!r} is not an address: {error}; write it like {example}") from error
+        raise OptionError(f"{without_secrets(url.strip())!r} is not an address; write it like {example}") from error
+    shown = shown_address(url)
     if parts.scheme not in _SECURE or "://" not in url:
-        raise OptionError(f"{url!r} does not start with http://, https://, ws:// or wss://; write it like {example}")
+        raise OptionError(f"{shown!r} does not start with http://, https://, ws:// or wss://; write it like {example}")
     if not host or port == 0:
-        raise OptionError(f"{url!r} names no host and port to connect to; write it like {example}")
+        raise OptionError(f"{shown!r} names no host and port to connect to; write it like {example}")
     if parts.query or parts.fragment:
-        raise OptionError(f"{url!r} has a part after ? or #, which means nothing here; write it like {example}")
+        raise OptionError(f"{shown!r} has a part after ? or #, which means nothing here; write it like {example}")
     return ServerAddress(_SECURE[parts.scheme], parts.netloc), parts.path

@@ -3,6 +3,9 @@
 What arrives goes into a holding. When the connection is lost, a new one is opened after a pause and asked only for
 what the holding lacks; when the server's stream has changed meanwhile, the holding starts over. Where one transport
 does not get through, the next one goes on: websocket, ranges over HTTP, a plain download.
+
+Nothing goes on for ever: attempts are counted until a packet comes that was not held, and so are changes of the stream.
+Every error tells which packets are missing, and what is kept.
 """
 
 from __future__ import annotations
@@ -10,14 +13,15 @@ from __future__ import annotations
 import asyncio
 import random
 from contextlib import aclosing
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from meshtide_client.file_session import FileSession
 from meshtide_client.file_transport import open_source, receive_file, transports_for
 from meshtide_client.tide_address import TideAddress
 from meshtide_client.transport import open_connection, receive_events
-from meshtide_codec.errors import PeerError, ProtocolError, TransferError
+from meshtide_codec.errors import PeerError, ProtocolError, StreamError, TransferError
 from meshtide_codec.stream.session import ClientSession, HeaderEvent, PacketEvent
+from meshtide_codec.stream.shortage import find_shortage
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, Callable
@@ -29,6 +33,7 @@ if TYPE_CHECKING:
     from meshtide_codec.limits import Limits
     from meshtide_codec.stream.session import Event, Until
 
+_Problem = TypeVar("_Problem", TransferError, ProtocolError, StreamError, TransferError | ProtocolError)
 _PASSING_CODES = frozenset({"not-ready", "shutting-down", "timeout"})
 """Refusals that a later attempt may not meet."""
 
@@ -71,6 +76,7 @@ class Arrival:
         self._notify = notify
         self._limits = limits
         self._failures = 0
+        self._changes = 0
         self._earlier_bytes = 0
         self._session: ClientSession | FileSession | None = None
         self._connected = False
@@ -86,7 +92,7 @@ class Arrival:
         return self._earlier_bytes + (self._session.received_bytes if self._session else 0)
 
     async def events(self) -> AsyncGenerator[Event, None]:
-        """All events until the server has sent what was asked for; packets are in the holding before they are told.
+        """All events until everything that was asked for is held; packets are in the holding before they are told.
 
         Raises:
             TransferError: there was no connection, or it was lost too often.
@@ -103,6 +109,8 @@ class Arrival:
                         yield event
             except (TransferError, ProtocolError) as error:
                 await self._recover(error)
+            except StreamError as error:
+                raise self._with_what_is_held(error) from error
             else:
                 return
 
@@ -157,22 +165,27 @@ class Arrival:
             self._moved = True
         elif isinstance(event, HeaderEvent) and not event.resumed:
             if self._holding.header is not None:
-                self._notify(f"the stream of {self._address.mesh} has changed on the server; the download starts over")
+                self._restart()
             self._holding.begin(event.header, event.header_bytes)
+
+    def _restart(self) -> None:
+        """The server has another stream than the one that is held: an honest one changes it now and then."""
+        self._changes += 1
+        if self._changes > 1 + self._link.retries:
+            raise ProtocolError(f"the stream of {self._address} has changed on the server {self._changes} times")
+        self._notify(f"the stream of {self._address.mesh} has changed on the server; the download starts over")
 
     async def _recover(self, error: TransferError | ProtocolError) -> None:
         """Wait before the next attempt, turn to the next transport, or raise `error` with what is held."""
         refused = isinstance(error, PeerError)
         passing = isinstance(error, TransferError) or (isinstance(error, PeerError) and error.code in _PASSING_CODES)
-        if refused and not passing:
-            raise error
         heard = self._connected or refused or (self._session is not None and self._session.received_bytes > 0)
         if passing and heard and self._failures < self._link.retries:
             await self._pause(error)
             return
-        problem = self._with_what_is_held(error) if passing else error
+        problem = _extended(error, f" after {self._failures} more attempts") if passing and self._failures else error
         if refused or len(self._transports) == 1:
-            raise self._verdict(problem) from error
+            raise self._with_what_is_held(self._verdict(problem)) from error
         self._first_problem = self._first_problem or problem
         self._transports.pop(0)
         self._failures, self._connected, self._moved = 0, False, False
@@ -186,12 +199,18 @@ class Arrival:
             return first
         return type(first)(f"{first}; by {self._transports[0]}: {last}")
 
-    def _with_what_is_held(self, error: TransferError | ProtocolError) -> TransferError | PeerError:
-        attempts = f" after {self._failures} more attempts" if self._failures else ""
-        ending = f"{attempts}; {self._holding.told()}"
-        if isinstance(error, PeerError):
-            return PeerError(error.code, f"{error.message}{ending}")
-        return TransferError(f"{error}{ending}")
+    def _with_what_is_held(self, error: _Problem) -> _Problem:
+        """The same error, which also tells what is missing and what is kept."""
+        clauses = []
+        header = self._holding.header
+        if header is not None:
+            wanted = self._until.packet_count(header, len(self._holding.header_bytes))
+            shortage = find_shortage(header, range(self._holding.count), wanted)
+            if shortage is not None and str(shortage) not in str(error):
+                clauses.append(str(shortage))
+        if header is not None or isinstance(error, TransferError):
+            clauses.append(self._holding.told())
+        return _extended(error, "".join(f"; {clause}" for clause in clauses)) if clauses else error
 
     async def _pause(self, error: TransferError | ProtocolError) -> None:
         """Wait before the next attempt."""
@@ -200,3 +219,13 @@ class Arrival:
         self._failures += 1
         self._notify(f"{error}; trying again in {seconds:.1f} s ({self._failures} of {self._link.retries})")
         await asyncio.sleep(seconds)
+
+
+def _extended(error: _Problem, ending: str) -> _Problem:
+    """An error of the same kind whose message goes on."""
+    if isinstance(error, PeerError):
+        return type(error)(error.code, f"{error.message}{ending}")
+    if isinstance(error, StreamError):
+        message = f"{error.message}{ending}"
+        return type(error)(message, level=error.level, packet=error.packet, offset=error.offset)
+    return type(error)(f"{error}{ending}")

@@ -14,6 +14,7 @@ import typer
 from meshtide_client.curation.commands import register as register_curation
 from meshtide_client.paper.commands import register as register_paper
 from meshtide_client.rendering.commands import register as register_rendering
+from meshtide_client.server_options import CaFileOption
 from meshtide_client.simulation.commands import register as register_simulation
 from meshtide_codec.printable import printable, shown
 from meshtide_codec.shared_options import OverwriteOption
@@ -71,6 +72,7 @@ def fetch(
         str, typer.Option(help="websocket, http (ranges), download (one plain request); auto: the first that works.")
     ] = "auto",
     token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
     loss: Annotated[
         str | None,
         typer.Option(help="Send the packets over a lossy link, such as 'gilbert:p=0.05,r=0.5 + deadline:seconds=2'."),
@@ -113,7 +115,7 @@ def fetch(
             until=Until(until_level, max_error, max_bytes),
             stream_file=stream_file,
             keep_levels=keep_levels,
-            link=Link(timeout=timeout, retries=retries, rate=rate, token=find_token(token_file)),
+            link=Link(timeout=timeout, retries=retries, rate=rate, token=find_token(token_file), ca_file=ca_file),
             transport=transport,
             loss=lossy,
             overwrite=overwrite,
@@ -165,6 +167,7 @@ def meshes(
     limit: Annotated[int | None, typer.Option(min=1, help="How many at most.", show_default="all")] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """List the meshes that a server hosts, or those of them that are asked for.
@@ -204,6 +207,7 @@ def meshes(
             limit=limit,
             timeout=timeout,
             token=find_token(token_file),
+            ca_file=ca_file,
             progress=lambda count: shown.update(f"{count} meshes"),
         )
     if as_json:
@@ -254,6 +258,7 @@ def ingest(
     parallel: Annotated[int, typer.Option(min=1, max=64, help="Uploads at a time.")] = 4,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Put many meshes online: upload them to a server, or encode them here, or on a cluster, into its store.
@@ -269,6 +274,7 @@ def ingest(
     from meshtide_client.ingest import ingest as ingest_files
     from meshtide_client.ingest_display import IngestDisplay, print_ingested
     from meshtide_client.ingest_plan import mesh_files
+    from meshtide_client.secrecy import shown_address
     from meshtide_client.store_ingest import ingest_into_store
     from meshtide_codec.command_line import ExitCode
     from meshtide_codec.errors import OptionError
@@ -285,6 +291,7 @@ def ingest(
                 files,
                 server,
                 token=find_token(token_file) if token_file else None,
+                ca_file=ca_file,
                 parallel=parallel,
                 timeout=timeout,
                 replace=replace,
@@ -296,7 +303,7 @@ def ingest(
             told = {"tags": tuple(tag or ()), "licence": licence}
             options = {**where, **how, **told, "patience": timeout}
             results = ingest_into_store(files, options, replace=replace, progress=display.tell, stage=display.stage)
-    place = {"server": server, "data": data, "store": store, "scheduler": distributed}
+    place = {"server": server and shown_address(server), "data": data, "store": store, "scheduler": distributed}
     if print_ingested(
         results, {name: str(value) for name, value in place.items() if value is not None}, as_json=as_json
     ):
@@ -316,6 +323,7 @@ def export(
     ] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -335,7 +343,7 @@ def export(
     from meshtide_codec.command_options import profile_options
 
     options = profile_options(profile, bits, {"effort": effort}, {})
-    link = Link(timeout=timeout, token=find_token(token_file))
+    link = Link(timeout=timeout, token=find_token(token_file), ca_file=ca_file)
 
     def notify(sentence: str) -> None:
         typer.echo(printable(sentence), err=True)

@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn, TransferSpeedColumn
 
 from meshtide_codec.compilation import announced_compilation
-from meshtide_codec.printable import shown
+from meshtide_codec.command_line import LONGEST_EXPLANATION
+from meshtide_codec.printable import printable, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -56,7 +57,7 @@ class Display:
 
     def notify(self, sentence: str) -> None:
         """Tell a person something."""
-        self.console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+        self.console.print(printable(sentence, LONGEST_EXPLANATION), markup=False, highlight=False, soft_wrap=True)
 
     def progress(self, size: int, total: int) -> None:
         """Show how many bytes are there."""

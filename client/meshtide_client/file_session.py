@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from meshtide_codec.errors import ContainerError, TruncatedError
+from meshtide_codec.errors import ContainerError, StreamError, TruncatedError
 from meshtide_codec.limits import Limits
 from meshtide_codec.stream.container import PREAMBLE_BYTES, ContainerReader, check_packet
 from meshtide_codec.stream.session import DoneEvent, HeaderEvent, PacketEvent, Until
+from meshtide_codec.stream.shortage import find_shortage
 
 if TYPE_CHECKING:
     from meshtide_codec.stream.header import StreamHeader
@@ -56,6 +57,7 @@ class FileSession:
         self._wanted = 0
         self._more = True
         self._sent_packets = self._sent_bytes = 0
+        self._problem: StreamError | None = None
         self.header: StreamHeader | None = None
         self.finished = False
         self.received_bytes = 0
@@ -78,20 +80,34 @@ class FileSession:
     def feed(self, data: bytes | memoryview) -> list[Event]:
         """Take the bytes of the file that follow those before.
 
+        Returns:
+            What became complete by them; if it ends before damaged bytes, `check` raises what is wrong with those.
+
         Raises:
             ContainerError, PacketError, LimitError: they are damaged, foreign, or over the limits.
         """
+        self.check()
         self.received_bytes += len(data)
         if self.finished:
             return []
         self._pending += data
         events: list[Event] = []
-        if self.header is None:
-            events += self._read_header()
-        if self.header is not None:
-            self._pass_over()
-            events += self._read_packets(self.header)
+        try:
+            if self.header is None:
+                self._read_header(events)
+            if self.header is not None:
+                self._pass_over()
+                self._read_packets(self.header, events)
+        except StreamError as error:
+            self._problem = error
+            if not events:
+                raise
         return events
+
+    def check(self) -> None:
+        """Raise what is wrong with the bytes after those of the last events, if anything is."""
+        if self._problem is not None:
+            raise self._problem
 
     def skip(self) -> None:
         """Go on where the first byte stands that is of use, as a range does; nothing is pending then."""
@@ -105,27 +121,28 @@ class FileSession:
         Raises:
             TruncatedError: it should have.
         """
+        self.check()
         if self.finished:
             return
         if self.header is None:
             raise TruncatedError(f"the file ends after {size} bytes, inside its header; nothing can be decoded")
         entry = self.header.packets[self._index]
         raise TruncatedError(
-            f"the file ends after {size} bytes; {self._index} of {len(self.header.packets)} packets are whole",
+            f"the file ends after {size} bytes; {find_shortage(self.header, range(self._index), self._wanted)}",
             level=entry.level,
             packet=entry.kind.label,
             offset=max(size - self._offset(self._index), 0),
         )
 
-    def _read_header(self) -> list[Event]:
+    def _read_header(self, events: list[Event]) -> None:
         if not self._preamble_read:
             if len(self._pending) < PREAMBLE_BYTES:
-                return []
+                return
             self._reader.feed(bytes(self._pending[:PREAMBLE_BYTES]))  # raises if it is no preamble
             self._preamble_read = True
         end = self._header_end()
         if len(self._pending) < end:
-            return []
+            return
         self._reader.feed(bytes(self._pending[PREAMBLE_BYTES:end]))
         header, header_bytes = self._reader.header, self._reader.header_bytes
         assert header is not None  # noqa: S101 - it has been fed to its end
@@ -136,7 +153,7 @@ class FileSession:
         self._wanted = max(bound, self._index)
         self._more = bound < len(header.packets)
         self._start = self._offset(self._index)
-        return [HeaderEvent(header, header_bytes, resumed)]
+        events.append(HeaderEvent(header, header_bytes, resumed))
 
     def _pass_over(self) -> None:
         """Drop what is pending of the header and of packets that are held."""
@@ -145,8 +162,7 @@ class FileSession:
             del self._pending[:surplus]
             self._position += surplus
 
-    def _read_packets(self, header: StreamHeader) -> list[Event]:
-        events: list[Event] = []
+    def _read_packets(self, header: StreamHeader, events: list[Event]) -> None:
         done = 0
         while self._position + done == self._offset(self._index) and self._index < self._wanted:
             length = header.packets[self._index].length
@@ -168,7 +184,6 @@ class FileSession:
                 )
             self.finished = True
             events.append(DoneEvent(self._sent_packets, self._sent_bytes, more=self._more))
-        return events
 
     def _header_end(self) -> int:
         return PREAMBLE_BYTES + int.from_bytes(self._pending[_LENGTH_FIELD], "little")

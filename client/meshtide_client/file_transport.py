@@ -56,7 +56,7 @@ def open_source(address: Address, name: TransportName, link: Link) -> ByteSource
     if address.kind == "s3":
         from meshtide_client.s3_source import S3Source  # noqa: PLC0415 - an extra
 
-        return S3Source(address.location, link.timeout)
+        return S3Source(address.location, link.timeout, link.ca_file)
     # The token is for meshtide servers; other people's web servers must not see it.
     return _web(address.location, str(address), link.without_token(), name, local=address.is_loopback)
 
@@ -93,6 +93,7 @@ async def receive_file(
             for event in session.feed(b""):
                 take(event)
                 yield event
+            session.check()
             continue
         async with source.read(start, end) as reading:
             if not reading.ranged and start > 0:
@@ -114,6 +115,7 @@ async def _fed(reading: Reading, session: FileSession, pace: _Pace, end: int) ->
         await pace.take(len(data))
         for event in session.feed(data):
             yield event
+        session.check()
         if session.finished:
             return
 

@@ -7,22 +7,22 @@ was interrupted goes on when it is repeated. One that fails is told at the end a
 from __future__ import annotations
 
 import re
-import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, as_completed, wait
 from contextlib import contextmanager
 from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
 import httpx
 
 from meshtide_client.address import ServerAddress
-from meshtide_client.credentials import authorization, find_token
+from meshtide_client.credentials import find_token
 from meshtide_client.ingest_plan import Ingested, IngestPlan
 from meshtide_client.listing import list_meshes
-from meshtide_client.problem import read_problem
+from meshtide_client.web_client import WebClient, refusal
 from meshtide_codec.errors import MeshtideError, ProtocolError, TransferError
 from meshtide_codec.printable import listed_name
+from meshtide_codec.stream import plain_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from meshtide_client.ingest_plan import Sending
+    from meshtide_client.web_client import Answer
 
 POLL_SECONDS = 0.5
 CHUNK = 1 << 18
@@ -38,6 +39,14 @@ WAITING_SECONDS = 60.0
 LONGEST_PAUSE = 10.0
 READ_AHEAD = 2
 """Files that are read for their digests and wait for a free thread, for each thread."""
+UNCHANGED_POLLS = 7200
+"""How often a job is asked for whose answer stays the same, before it is given up: an hour in a queue is long."""
+MOST_POLLS = 172_800
+"""How often it is asked for at all: for a day."""
+LARGEST_JOB = 1 << 20
+_LONGEST_TEXT = 10_000
+_WAITING = frozenset({"queued", "running"})
+_ENDED = frozenset({"done", "failed"})
 _JOB = re.compile(r"[A-Za-z0-9-]{1,100}")
 
 
@@ -46,6 +55,7 @@ def ingest(
     url: str,
     *,
     token: str | None = None,
+    ca_file: Path | str | None = None,
     parallel: int = 4,
     timeout: float = 30.0,
     replace: bool = False,
@@ -58,6 +68,7 @@ def ingest(
         files: to be uploaded.
         url: the server's address.
         token: for writing, or None for that of the environment.
+        ca_file: of the authorities that vouch for the server, or None for those of the environment or the machine.
         parallel: how many are uploaded at a time.
         timeout: seconds without any news until the connection counts as lost.
         replace: whether to upload what the server has already; see `IngestPlan`.
@@ -78,9 +89,8 @@ def ingest(
         results[result.file] = result
         progress(result)
 
-    plan = IngestPlan(files, list_meshes(url, timeout=timeout, token=token), replace=replace, tell=tell)
-    headers = authorization(token)
-    with httpx.Client(timeout=timeout, trust_env=not server.is_loopback, headers=headers) as client:
+    plan = IngestPlan(files, list_meshes(url, timeout=timeout, token=token, ca_file=ca_file), replace=replace, tell=tell)
+    with WebClient(server, timeout=timeout, token=token, ca_file=ca_file) as client:
         upload = _Upload(client, server, dict(options or {}))
         with _pool(parallel, upload) as pool:
             running: set[Future[Ingested]] = set()
@@ -111,9 +121,10 @@ def _pool(parallel: int, upload: _Upload) -> Iterator[ThreadPoolExecutor]:
 class _Upload:
     """Uploads files, called from several threads."""
 
-    def __init__(self, client: httpx.Client, server: ServerAddress, options: dict[str, Any]) -> None:
+    def __init__(self, client: WebClient, server: ServerAddress, options: dict[str, Any]) -> None:
         self._client = client
         self._server = server
+        self._jobs = f"{server.listing_url.rpartition('/')[0]}/jobs"
         self._options = options
         self.stop = Event()
 
@@ -122,44 +133,86 @@ class _Upload:
         file = sending.file
         try:
             job = self._send(sending)
-            while job["state"] not in {"done", "failed"}:
+            polls = unchanged = 0
+            while job.state in _WAITING:
                 if self.stop.wait(POLL_SECONDS):
-                    return Ingested(file, job["mesh"], "failed", "interrupted; the server goes on with it")
-                job = _answer(self._client.get(f"{self._server}/jobs/{job['id']}"))
-        except httpx.HTTPError as error:
-            return Ingested(file, None, "failed", f"the connection was lost: {error}")
+                    return Ingested(file, job.mesh, "failed", "interrupted; the server goes on with it")
+                if unchanged == UNCHANGED_POLLS or polls == MOST_POLLS:
+                    waited = f"{(unchanged if polls < MOST_POLLS else polls) * POLL_SECONDS / 60:g} minutes"
+                    message = f"job {job.id} has not come further for {waited}; the server may go on with it"
+                    return Ingested(file, job.mesh, "failed", message)
+                before, job = job, _job(self._client.ask("GET", f"{self._jobs}/{job.id}", largest=LARGEST_JOB), job)
+                polls, unchanged = polls + 1, (unchanged + 1 if job == before else 0)
         except (MeshtideError, OSError) as error:
             return Ingested(file, None, "failed", str(error))
-        return Ingested(file, job["mesh"], job["state"], job.get("error") if job["state"] == "failed" else None)
+        return Ingested(file, job.mesh, job.state, job.error if job.state == "failed" else None)
 
-    def _send(self, sending: Sending) -> dict[str, Any]:
+    def _send(self, sending: Sending) -> _Job:
         """Upload; what the server asks to wait with is sent again after a while."""
-        end = time.monotonic() + WAITING_SECONDS
+        left = WAITING_SECONDS
         method, url = "POST", self._server.listing_url
         if sending.mesh is not None:
             method, url = "PUT", f"{self._server.listing_url}/{quote(sending.mesh, safe='')}"
         params = {"filename": listed_name(sending.file), **self._options}
         while True:
-            response = self._client.request(method, url, params=params, content=_pieces(sending.file))
-            pause = response.headers.get("Retry-After", "")
-            if response.status_code != httpx.codes.TOO_MANY_REQUESTS or time.monotonic() > end or not pause.isdigit():
-                return _answer(response)
-            if self.stop.wait(min(float(pause), LONGEST_PAUSE)):
+            content = _pieces(sending.file)
+            answer = self._client.ask(method, url, largest=LARGEST_JOB, params=params, content=content)
+            pause = _pause(answer.headers.get("Retry-After", ""))
+            if answer.status != httpx.codes.TOO_MANY_REQUESTS or left <= 0 or pause is None:
+                return _job(answer)
+            left -= pause
+            if self.stop.wait(pause):
                 raise TransferError("interrupted")
 
 
-def _answer(response: httpx.Response) -> dict[str, Any]:
-    if response.status_code not in {httpx.codes.OK, httpx.codes.ACCEPTED}:
-        if (problem := read_problem(response.content)) is not None:
-            raise problem
-        raise ProtocolError(f"{response.url.path} answered with HTTP status {response.status_code}")
+class _Job(NamedTuple):
+    """What a server tells of a job; two that are equal tell the same."""
+
+    id: str
+    mesh: str | None
+    state: str
+    error: str | None
+    stage: str
+    progress: str
+
+
+def _job(answer: Answer, before: _Job | None = None) -> _Job:
+    """The job that an answer is about, which has to be the same as `before`."""
+    place = "the upload" if before is None else f"job {before.id}"
+    if answer.status not in {httpx.codes.OK, httpx.codes.ACCEPTED}:
+        raise refusal(answer, place)
     try:
-        job: Any = response.json()
-        if not _JOB.fullmatch(job["id"]) or not isinstance(job["state"], str):
-            raise ValueError(job["id"])
-    except (ValueError, LookupError, TypeError) as error:
-        raise ProtocolError(f"{response.url.path} does not describe a job; is this a meshtide server?") from error
-    return dict(job)
+        value = answer.value()
+        job = _Job(
+            id=plain_values.text(value["id"], "id", _LONGEST_TEXT),
+            mesh=_optional_text(value, "mesh"),
+            state=plain_values.text(value["state"], "state", _LONGEST_TEXT),
+            error=_optional_text(value, "error"),
+            stage=str(value.get("stage"))[:_LONGEST_TEXT],
+            progress=str(value.get("progress"))[:_LONGEST_TEXT],
+        )
+        if not _JOB.fullmatch(job.id) or (before is not None and job.id != before.id):
+            raise ValueError(job.id)
+        if job.state not in _WAITING | _ENDED:
+            raise ValueError(job.state)
+    except (ValueError, LookupError, TypeError, AttributeError, plain_values.BadValueError) as error:
+        raise ProtocolError(f"what answers for {place} does not describe a job; is this a meshtide server?") from error
+    return job
+
+
+def _optional_text(value: Any, name: str) -> str | None:  # noqa: ANN401 - anything may come
+    return None if value.get(name) is None else plain_values.text(value[name], name, _LONGEST_TEXT)
+
+
+def _pause(told: str) -> float | None:
+    """Seconds to wait by a header Retry-After, within reason; None if it does not tell any.
+
+    >>> _pause("3"), _pause("0"), _pause("9" * 400), _pause("soon")
+    (3.0, 0.5, 10.0, None)
+    """
+    if not told.isascii() or not told.isdigit():
+        return None
+    return min(max(float(told), POLL_SECONDS), LONGEST_PAUSE)
 
 
 def _pieces(file: Path) -> Iterator[bytes]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import parse_qs, urlencode, urlsplit
@@ -10,14 +9,16 @@ from urllib.parse import parse_qs, urlencode, urlsplit
 import httpx
 
 from meshtide_client.address import ServerAddress
-from meshtide_client.credentials import authorization, find_token
+from meshtide_client.credentials import find_token
 from meshtide_client.mesh_search import MeshSearch
-from meshtide_client.problem import read_problem
+from meshtide_client.secrecy import without_secrets
+from meshtide_client.web_client import Answer, WebClient, refusal
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
 from meshtide_codec.stream import plain_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
 
     from meshtide_client.mesh_search import Parameter
 
@@ -25,7 +26,7 @@ _DEFAULT_TIMEOUT = 30.0
 _LONGEST_TEXT = 1000
 _LONGEST_LICENCE = 1 << 16
 _MOST_TAGS = 1000
-_LARGEST_ANSWER = 1 << 26
+_MOST_PARAMETERS = 100
 _PAGE = 1000
 """Meshes that a server is asked for at a time; no server gives more."""
 STATIC_INDEX = "index.json"
@@ -81,7 +82,7 @@ class HostedMesh:
     source: str | None = None
 
 
-class _Answer(NamedTuple):
+class _Page(NamedTuple):
     """What came: a value (None for what is no JSON), and the id after which the next page begins, if there is one."""
 
     value: Any
@@ -95,6 +96,7 @@ def list_meshes(
     limit: int | None = None,
     timeout: float = _DEFAULT_TIMEOUT,
     token: str | None = None,
+    ca_file: Path | str | None = None,
     progress: Callable[[int], None] = lambda _: None,
 ) -> tuple[HostedMesh, ...]:
     """The meshes of the server at `url`, such as ``http://localhost:8000``, or of a static copy of one.
@@ -105,6 +107,7 @@ def list_meshes(
         limit: how many at most; None for all.
         timeout: seconds without any news.
         token: to be shown to the server, or None for that of the environment.
+        ca_file: of the authorities that vouch for the server, or None for those of the environment or the machine.
         progress: is told after each page how many there are by then.
 
     Raises:
@@ -113,19 +116,28 @@ def list_meshes(
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
     """
     server = ServerAddress.parse(url)
-    token = token or find_token()
-    wanted = (search or MeshSearch()).parameters()
+    with WebClient(server, timeout=timeout, token=token or find_token(), ca_file=ca_file) as client:
+        return _all_pages(client, server, (search or MeshSearch()).parameters(), limit, progress)
+
+
+def _all_pages(
+    client: WebClient,
+    server: ServerAddress,
+    wanted: list[Parameter],
+    limit: int | None,
+    progress: Callable[[int], None],
+) -> tuple[HostedMesh, ...]:
     meshes: list[HostedMesh] = []
     after: str | None = None
     while True:
-        answer = _page(server, _query(wanted, after, None if limit is None else limit - len(meshes)), timeout, token)
+        answer = _page(client, server, _query(wanted, after, None if limit is None else limit - len(meshes)))
         page = _meshes(server, answer.value)
         meshes += page if limit is None else page[: limit - len(meshes)]
         progress(len(meshes))
         if answer.next is None or (limit is not None and len(meshes) >= limit):
             return tuple(meshes)
         if not page or (after is not None and answer.next <= after):
-            raise ProtocolError(f"{server.listing_url} lists the same meshes again and again; check the address")
+            raise ProtocolError(f"{server} lists the same meshes again and again; check the address")
         after = answer.next
 
 
@@ -137,17 +149,17 @@ def _query(wanted: list[Parameter], after: str | None, left: int | None) -> list
     return [*query, ("limit", str(_PAGE if left is None else min(max(left, 1), _PAGE)))]
 
 
-def _page(server: ServerAddress, query: list[Parameter], timeout: float, token: str | None) -> _Answer:
+def _page(client: WebClient, server: ServerAddress, query: list[Parameter]) -> _Page:
     """One page of a server's list; the whole list of a static copy."""
     try:
-        answer = _get(server, server.listing_url, query, timeout, token)
+        answer = _get(client, server.listing_url, query)
         if answer.value is None:
-            raise ProtocolError(f"{server.listing_url} does not list meshes (no JSON); check the address")
+            raise ProtocolError(f"{without_secrets(server.listing_url)} does not list meshes (no JSON); check the address")
     except PeerError:
         raise
     except ProtocolError as error:
         try:  # a static copy has the list in a file
-            answer = _get(server, f"{server.listing_url}/{STATIC_INDEX}", [], timeout, token)
+            answer = _get(client, f"{server.listing_url}/{STATIC_INDEX}", [])
         except (ProtocolError, TransferError):
             raise error from None
         if any(name != "limit" for name, _ in query):
@@ -161,50 +173,29 @@ def _meshes(server: ServerAddress, value: Any) -> list[HostedMesh]:  # noqa: ANN
             value = value.get("meshes")
         return [hosted_mesh(row) for row in plain_values.array(value, "the list of meshes")]
     except (plain_values.BadValueError, LookupError, TypeError, AttributeError) as error:
-        raise ProtocolError(f"{server.listing_url} does not list meshes ({error}); check the address") from error
+        place = without_secrets(server.listing_url)
+        raise ProtocolError(f"{place} does not list meshes ({error}); check the address") from error
 
 
-def _get(server: ServerAddress, url: str, query: list[Parameter], timeout: float, token: str | None) -> _Answer:
+def _get(client: WebClient, url: str, query: list[Parameter]) -> _Page:
+    answer = client.ask("GET", url, params=urlencode(query) or None)
+    if answer.status != httpx.codes.OK:
+        raise refusal(answer, without_secrets(url))
     try:
-        with (
-            httpx.Client(
-                timeout=timeout,
-                trust_env=not server.is_loopback,
-                follow_redirects=True,
-                headers=authorization(token),
-            ) as client,
-            client.stream("GET", url, params=urlencode(query) or None) as response,
-        ):
-            body = bytearray()
-            for piece in response.iter_bytes():
-                body += piece
-                if len(body) > _LARGEST_ANSWER:
-                    raise ProtocolError(f"{url} answers with more than {_LARGEST_ANSWER} bytes; check the address")
-    except httpx.TimeoutException as error:
-        raise TransferError(f"{server} did not answer within {timeout:g} seconds") from error
-    except httpx.RemoteProtocolError as error:
-        raise ProtocolError(f"what answers at {server} is not a meshtide server ({error})") from error
-    except httpx.HTTPError as error:
-        raise TransferError(f"cannot reach {server}: {error}") from error
-    value = _json(bytes(body))
-    if response.status_code != httpx.codes.OK:
-        if (problem := read_problem(bytes(body))) is not None:
-            raise problem
-        raise ProtocolError(f"{url} answered with HTTP status {response.status_code}; check the address")
-    return _Answer(value, _next_id(response))
+        value = answer.value()
+    except ValueError:
+        value = None
+    return _Page(value, _next_id(answer))
 
 
-def _next_id(response: httpx.Response) -> str | None:
+def _next_id(answer: Answer) -> str | None:
     """After which id the next page begins; only that is taken of its address, which may be another behind a proxy."""
-    found = parse_qs(urlsplit(response.links.get("next", {}).get("url", "")).query).get("after", [None])[-1]
-    return None if found is None else found[:_LONGEST_TEXT]
-
-
-def _json(body: bytes) -> Any:  # noqa: ANN401 - anything may come
     try:
-        return json.loads(body)
-    except (ValueError, RecursionError):
+        query = urlsplit(answer.links.get("next", {}).get("url", "")).query
+        found = parse_qs(query, max_num_fields=_MOST_PARAMETERS).get("after", [None])[-1]
+    except ValueError:
         return None
+    return None if found is None else found[:_LONGEST_TEXT]
 
 
 def hosted_mesh(row: Mapping[str, Any]) -> HostedMesh:

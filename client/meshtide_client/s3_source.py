@@ -16,10 +16,12 @@ from urllib.parse import urlsplit
 
 from meshtide_client.byte_source import Reading
 from meshtide_client.tide_address import SUFFIX
+from meshtide_client.tls import named_authorities
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Sequence
+    from pathlib import Path
 
 _CREDENTIALS = ("AWS_ACCESS_KEY_ID", "AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI")
 
@@ -30,6 +32,7 @@ class S3Source:
     Args:
         url: such as ``s3://bucket/scans/vase.tide``.
         timeout: seconds that one request may take to begin.
+        ca_file: of authorities that vouch for the store, besides those of the machine.
 
     Raises:
         OptionError: the extra is not installed.
@@ -37,12 +40,12 @@ class S3Source:
 
     name = "s3"
 
-    def __init__(self, url: str, timeout: float) -> None:
+    def __init__(self, url: str, timeout: float, ca_file: Path | str | None = None) -> None:
         parts = urlsplit(url)
         self._url = url
         self._key = parts.path.lstrip("/")
         self._tag: str | None = None
-        self._obstore, self._store = _open(parts.netloc, timeout)
+        self._obstore, self._store = _open(parts.netloc, timeout, ca_file)
         self._errors = self._obstore.exceptions
 
     @asynccontextmanager
@@ -53,7 +56,9 @@ class S3Source:
             options["if_match"] = self._tag
         try:
             answer = await self._obstore.get_async(self._store, self._key, options=options)
-            self._tag = answer.meta.get("e_tag")
+            self._check_same(answer.meta.get("e_tag"))
+            if answer.range[0] != start or (end is not None and answer.range[1] > end):
+                raise ProtocolError(f"{self._url} answers with another range than the one that was asked for")
             yield Reading(start, ranged=True, pieces=_pieces(answer), size=answer.meta["size"])
         except FileNotFoundError as error:
             raise ProtocolError(f"there is no {self._url}; check the address") from error
@@ -66,11 +71,18 @@ class S3Source:
         except (self._errors.BaseError, OSError) as error:
             raise TransferError(f"cannot read {self._url}: {_first_line(error)}") from error
 
+    def _check_same(self, tag: str | None) -> None:
+        """The object has to be the one that the first answer was of."""
+        if self._tag is not None and tag != self._tag:
+            self._tag = None
+            raise TransferError(f"{self._url} has changed while it was read")
+        self._tag = tag
+
     async def close(self) -> None:
         """The store closes its connections by itself."""
 
 
-def list_files(url: str, timeout: float) -> Sequence[str]:
+def list_files(url: str, timeout: float, ca_file: Path | str | None = None) -> Sequence[str]:
     """The URLs of all `.tide` files below `url`, such as ``s3://bucket/scans``, in order.
 
     Raises:
@@ -78,7 +90,7 @@ def list_files(url: str, timeout: float) -> Sequence[str]:
         TransferError: the bucket cannot be read.
     """
     parts = urlsplit(url)
-    obstore, store = _open(parts.netloc, timeout)
+    obstore, store = _open(parts.netloc, timeout, ca_file)
     prefix = parts.path.strip("/")
     try:
         keys = [entry["path"] for page in obstore.list(store, prefix or None) for entry in page]
@@ -87,7 +99,7 @@ def list_files(url: str, timeout: float) -> Sequence[str]:
     return sorted(f"s3://{parts.netloc}/{key}" for key in keys if key.endswith(SUFFIX))
 
 
-def _open(bucket: str, timeout: float) -> tuple[Any, Any]:
+def _open(bucket: str, timeout: float, ca_file: Path | str | None) -> tuple[Any, Any]:
     """The module obstore and a store for the bucket."""
     try:
         obstore: Any = import_module("obstore")  # an extra; without it there are no types either
@@ -96,6 +108,8 @@ def _open(bucket: str, timeout: float) -> tuple[Any, Any]:
         raise OptionError("reading s3:// takes the extra s3: pip install 'meshtide[s3]'") from error
     settings: dict[str, Any] = {}
     options: dict[str, Any] = {"timeout": timedelta(seconds=timeout)}
+    if (authorities := named_authorities(ca_file)) is not None:
+        options["root_certificate"] = authorities
     endpoint = os.environ.get("AWS_ENDPOINT_URL") or os.environ.get("AWS_ENDPOINT")
     if endpoint:
         settings["endpoint"] = endpoint

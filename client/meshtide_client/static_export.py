@@ -26,6 +26,7 @@ from meshtide_client.address import ServerAddress
 from meshtide_client.arrival import Arrival
 from meshtide_client.listing import STATIC_INDEX, HostedMesh, hosted_mesh, list_meshes
 from meshtide_client.partial_file import PartialFile
+from meshtide_client.secrecy import shown_address
 from meshtide_client.tide_address import SUFFIX, parse_address
 from meshtide_client.transport import Link
 from meshtide_codec.errors import MeshFileError, OptionError
@@ -107,7 +108,8 @@ async def export_static(
         else:
             await _copy(item.place, target, link, limits, notify)
         told[item.identifier] = _Told(item.file, item.origin, item.mesh)
-        notify(f"{item.place}: {target.path}, {target.path.stat().st_size} bytes")
+        place = shown_address(item.place) if "://" in item.place else item.place
+        notify(f"{place}: {target.path}, {target.path.stat().st_size} bytes")
     paths = [path for path in collection.glob(f"*{SUFFIX}") if not path.name.startswith(".")]
     meshes = [_row(path, limits, told.get(path.stem)) for path in paths]
     meshes.sort(key=lambda mesh: mesh.id)
@@ -175,7 +177,7 @@ def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[_
     if source.startswith("s3://") and not source.endswith(SUFFIX):
         from meshtide_client.s3_source import list_files  # noqa: PLC0415 - an extra
 
-        return [_address_item(url) for url in list_files(source, link.timeout)]
+        return [_address_item(url) for url in list_files(source, link.timeout, link.ca_file)]
     try:
         return [_address_item(source)]
     except OptionError as error:
@@ -183,7 +185,7 @@ def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[_
             server = ServerAddress.parse(source)
         except OptionError:
             raise error from None
-    hosted = list_meshes(source, timeout=link.timeout, token=link.token)
+    hosted = list_meshes(source, timeout=link.timeout, token=link.token, ca_file=link.ca_file)
     for mesh in hosted:
         if mesh.status != "ready":
             notify(f"{mesh.id} is left out: it is {mesh.status}")

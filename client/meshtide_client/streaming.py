@@ -17,6 +17,7 @@ from meshtide_client.partial_file import PartialFile
 from meshtide_client.tide_address import parse_address
 from meshtide_client.transport import Link
 from meshtide_codec.decoder import Decoder
+from meshtide_codec.errors import ContainerError
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 from meshtide_codec.stream.packets import LARGEST_LEVEL
 from meshtide_codec.stream.plain_values import LARGEST_INTEGER
@@ -40,7 +41,7 @@ class LevelFigures:
         level: its number, 0 the finest.
         vertices: its vertex count.
         faces: its face count.
-        exact: whether it is as the encoder made it.
+        exact: whether it is as the encoder made it: every packet that it builds on was decoded.
         rms: root mean square distance from the finest mesh, as a fraction of its bounding box's diagonal; NaN where
             a lossy link has left nobody knows what.
         maximum: largest distance, in the same unit.
@@ -167,13 +168,17 @@ class Reception:
         self._nearest = math.inf
         self._wanted = 0
         self._started = time.monotonic()
-        self.more = True
-        """Whether the stream goes on after what was asked for; known at the end."""
 
     @property
     def header(self) -> StreamHeader | None:
         """The stream's header, once it is there."""
         return self._holding.header
+
+    @property
+    def more(self) -> bool:
+        """Whether the stream has packets that are not held."""
+        header = self._holding.header
+        return header is None or self._holding.count < len(header.packets)
 
     @property
     def received_bytes(self) -> int:
@@ -202,11 +207,9 @@ class Reception:
     def _new_packets(self, event: HeaderEvent | PacketEvent | DoneEvent) -> Iterable[Packet]:
         """The packets that `event` makes available for decoding."""
         packets: Iterable[Packet] = ()
-        if isinstance(event, DoneEvent):
-            self.more = event.more
-        elif isinstance(event, PacketEvent):
+        if isinstance(event, PacketEvent):
             packets = [event.packet]
-        elif self._decoder is None or not event.resumed:
+        elif isinstance(event, HeaderEvent) and (self._decoder is None or not event.resumed):
             self._wanted = self._until.packet_count(event.header, len(event.header_bytes))
             self._decoder = self._new_decoder(event.header)
             self._decoded = 0
@@ -239,16 +242,27 @@ class Reception:
         return [self._received_level(decoder, row) for row in completed]
 
     def _received_level(self, decoder: Decoder, row: LevelEntry) -> ReceivedLevel:
+        """The figures are those of the mesh as it was decoded; what the header says of it may be wrong.
+
+        Raises:
+            ContainerError: the level is not there, although the header says that it should be.
+        """
+        if not decoder.is_available(row.level):
+            raise ContainerError(
+                f"level {row.level} is not complete after {row.packet_count} packets, as the header says; "
+                "the stream is damaged"
+            )
+        mesh = decoder.mesh(row.level)
         return ReceivedLevel(
             level=row.level,
-            vertices=row.vertices,
-            faces=row.faces,
+            vertices=len(mesh.vertices),
+            faces=len(mesh.faces),
             exact=decoder.is_exact(row.level),
             rms=row.rms,
             maximum=row.maximum,
             size=self._file_size(decoder.header.level_bytes(row)),
             seconds=self.seconds,
-            mesh=decoder.mesh(row.level),
+            mesh=mesh,
         )
 
     def _file_size(self, packet_bytes: int) -> int:

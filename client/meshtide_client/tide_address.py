@@ -13,6 +13,7 @@ from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
 
 from meshtide_client.address import MeshAddress, ServerAddress
+from meshtide_client.secrecy import shown_address
 from meshtide_codec.errors import OptionError
 
 SUFFIX = ".tide"
@@ -75,7 +76,7 @@ def parse_address(url: str) -> Address:
     if scheme == "file":
         parts = urlsplit(text)
         if parts.netloc not in {"", "localhost"}:
-            raise OptionError(f"{url!r} names a file of another machine; {_FORMS}")
+            raise OptionError(f"{shown_address(url)!r} names a file of another machine; {_FORMS}")
         return _local(Path(url2pathname(parts.path)), url)
     if scheme in {"http", "https"} and (found := _on_web(text)):
         return found
@@ -107,13 +108,13 @@ def _on_web(url: str) -> TideAddress | None:
 def _in_store(url: str) -> TideAddress:
     parts = urlsplit(url)
     if not parts.netloc or not parts.path.endswith(SUFFIX) or parts.query or parts.fragment or "@" in parts.netloc:
-        raise OptionError(f"{url.partition('?')[0]!r} names no {SUFFIX} file of a bucket; {_FORMS}")
+        raise OptionError(f"{shown_address(url)!r} names no {SUFFIX} file of a bucket; {_FORMS}")
     return TideAddress("s3", url, url, _name(parts.path))
 
 
 def _local(path: Path, url: str) -> TideAddress:
     if path.suffix.lower() != SUFFIX:
-        raise OptionError(f"{url!r} does not end with {SUFFIX}; {_FORMS}")
+        raise OptionError(f"{shown_address(url)!r} does not end with {SUFFIX}; {_FORMS}")
     return TideAddress("local", str(path), str(path), path.stem)
 
 

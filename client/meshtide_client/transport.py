@@ -20,20 +20,28 @@ from typing import TYPE_CHECKING
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage, InvalidStatus, WebSocketException
 
+from meshtide_client.content_coding import read_body
 from meshtide_client.credentials import authorization, find_token
-from meshtide_client.problem import read_problem
+from meshtide_client.problem import LARGEST_PROBLEM, read_problem
+from meshtide_client.secrecy import without_secrets
+from meshtide_client.tls import distrust, tls_context
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, StreamError, TransferError
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_codec.stream.session import DEFAULT_WINDOW, error_frame
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, Callable
+    from pathlib import Path
+
+    from websockets.http11 import Response
 
     from meshtide_client.address import MeshAddress
     from meshtide_codec.stream.session import ClientSession, Event
 
 _PING_SECONDS = 20.0
 _PONG_BYTES = 512
+_CONTROL_BYTES = 1 << 16
+"""Bytes beside those of a message that may come before its end: pings, frames of fragments."""
 _CLOSE_SECONDS = 2.0
 _BUSY_STATUSES = frozenset({429, 500, 502, 503, 504})
 _BREACH_CODES = frozenset({1002, 1007, 1009})
@@ -56,6 +64,7 @@ class Link:
         window: bytes in flight that the server is allowed.
         rate: bytes a second at which frames are taken, to see a slow link on a fast one; None for no bound.
         token: what is shown to a meshtide server that asks for one; that of the environment when left out.
+        ca_file: of the authorities that vouch for servers; those of the environment or the machine when left out.
 
     Raises:
         OptionError: a value that makes no sense.
@@ -68,6 +77,7 @@ class Link:
     window: int = DEFAULT_WINDOW
     rate: float | None = None
     token: str | None = field(default_factory=find_token, repr=False)
+    ca_file: Path | str | None = None
 
     def __post_init__(self) -> None:
         for name in ("timeout", "delay", "longest_delay", "window"):
@@ -98,13 +108,17 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
     """A websocket to the stream of a mesh.
 
     Raises:
+        OptionError: the file of authorities cannot be used.
         TransferError: there is no connection.
         ProtocolError: something answers that is not a meshtide server.
         PeerError: the server refused.
     """
+    context = tls_context(link.ca_file) if address.server.secure else None
+    place = without_secrets(address.stream_url)
     try:
         connection = await connect(
             address.stream_url,
+            ssl=context,
             additional_headers=authorization(link.token),
             compression=None,  # packets are compressed
             max_size=LARGEST_MESSAGE,
@@ -118,12 +132,12 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
         assert isinstance(connection, Connection)  # noqa: S101 - made right above
     except InvalidStatus as error:
         status = error.response.status_code
-        if (problem := read_problem(bytes(error.response.body or b""))) is not None:
+        if (problem := _refusal(error.response, place)) is not None:
             raise problem from error
         if status in _BUSY_STATUSES:
             raise TransferError(f"{address.server} is not available now (HTTP status {status})") from error
         raise ProtocolError(
-            f"{address.stream_url} answered with HTTP status {status} instead of a stream; check the address"
+            f"{place} answered with HTTP status {status} instead of a stream; check the address"
         ) from error
     except InvalidMessage as error:
         if isinstance(error.__cause__, EOFError):
@@ -133,12 +147,21 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
         )
         raise ProtocolError(f"what answers at {address.server} {what}") from error
     except InvalidHandshake as error:
-        raise ProtocolError(f"{address.stream_url} does not answer as a websocket: {error}") from error
+        raise ProtocolError(f"{place} does not answer as a websocket: {error}") from error
     except TimeoutError as error:
         raise TransferError(f"{address.server} did not answer within {link.timeout:g} seconds") from error
     except (OSError, WebSocketException) as error:
-        raise TransferError(f"cannot connect to {address.server}: {_reason(error)}") from error
+        raise TransferError(f"cannot connect to {address.server}: {distrust(error) or _reason(error)}") from error
     return connection
+
+
+def _refusal(response: Response, place: str) -> PeerError | None:
+    """The words of a meshtide server that gave no stream."""
+    coding = response.headers.get("Content-Encoding", "")
+    try:
+        return read_problem(read_body([bytes(response.body or b"")], coding, place, LARGEST_PROBLEM))
+    except (ProtocolError, TransferError):
+        return None
 
 
 async def receive_events(
@@ -238,18 +261,21 @@ class _Intake:
         return events
 
     async def _frame(self) -> bytes | str:
-        """The next frame; it may take its time as long as more than answers to pings keeps coming."""
-        while True:
-            heard = self._connection.heard_bytes
-            try:
-                async with asyncio.timeout(self._link.timeout):
-                    return await self._connection.recv()
-            except TimeoutError:
-                if self._connection.heard_bytes - heard <= _PONG_BYTES:
-                    message = f"nothing came from {self._address.server} for {self._link.timeout:g} seconds"
-                    raise TransferError(message) from None
-            except ConnectionClosed as error:
-                raise _closed(error, self._address) from error
+        """The next frame; it may take its time as long as more than answers to pings keeps coming, and not too much."""
+        frame = asyncio.create_task(self._connection.recv())  # asked for once: fragments outlive no second asking
+        begun = heard = self._connection.heard_bytes
+        try:
+            while not (await asyncio.wait([frame], timeout=self._link.timeout))[0]:
+                before, heard = heard, self._connection.heard_bytes
+                if heard - before <= _PONG_BYTES:
+                    raise TransferError(f"nothing came from {self._address.server} for {self._link.timeout:g} seconds")
+                if heard - begun > LARGEST_MESSAGE + _CONTROL_BYTES:
+                    raise TransferError(f"{self._address.server} sends bytes, but no message")
+            return frame.result()
+        except ConnectionClosed as error:
+            raise _closed(error, self._address) from error
+        finally:
+            frame.cancel()
 
 
 async def _send(connection: Connection, frame: bytes) -> None:

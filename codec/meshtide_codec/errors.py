@@ -23,6 +23,11 @@
 
 from __future__ import annotations
 
+from meshtide_codec.printable import printable
+
+_LONGEST_MESSAGE = 4000
+"""Characters of what is told of a peer; its own words are a thousand at most."""
+
 
 class MeshtideError(Exception):
     """Root of all errors that meshtide raises on purpose."""
@@ -107,7 +112,16 @@ class LimitError(StreamError):
 
 
 class ProtocolError(MeshtideError):
-    """A wire message that is malformed or out of place."""
+    r"""A wire message that is malformed or out of place.
+
+    Its text may hold words of a stranger; it comes in one printable line, wherever it is shown or logged.
+
+    >>> print(ProtocolError("it said: \x1b[2J"))
+    it said: \x1b[2J
+    """
+
+    def __str__(self) -> str:
+        return _one_line(super().__str__())
 
 
 class PeerError(ProtocolError):
@@ -115,7 +129,7 @@ class PeerError(ProtocolError):
 
     Args:
         code: short machine-readable reason, such as ``unknown-mesh``.
-        message: the other side's own words.
+        message: the other side's own words, as they came.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -125,4 +139,11 @@ class PeerError(ProtocolError):
 
 
 class TransferError(MeshtideError):
-    """The network failed; what has arrived was kept."""
+    """The network failed; what has arrived was kept. Its text is as printable as that of a ProtocolError."""
+
+    def __str__(self) -> str:
+        return _one_line(super().__str__())
+
+
+def _one_line(text: str) -> str:
+    return printable(" ".join(text.split()), _LONGEST_MESSAGE)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import asyncio
 from contextlib import asynccontextmanager
 from http import HTTPStatus
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -18,9 +19,10 @@ from meshtide_client.arrival import Arrival
 from meshtide_client.holding import Holding
 from meshtide_client.partial_file import PartialFile
 from meshtide_client.transport import Link
-from meshtide_codec.errors import PeerError, TransferError
+from meshtide_codec.errors import PeerError, ProtocolError, StreamError, TransferError
 from meshtide_codec.stream.container import write_container
-from meshtide_codec.stream.session import DoneEvent, PacketEvent, ServerSession, Until
+from meshtide_codec.stream.messages import Done, Hello, PacketPart, encode_message
+from meshtide_codec.stream.session import DoneEvent, PacketEvent, ServerSession, Until, error_frame
 from streams import MadeUpStream
 
 if TYPE_CHECKING:
@@ -37,11 +39,13 @@ LINK = Link(window=WINDOW, retries=2, delay=0.001, timeout=5.0)
 
 
 async def receive(
-    server: Any, holding: Holding, *, link: Link = LINK, until: Until | None = None
+    server: Any, holding: Holding, *, link: Link = LINK, until: Until | None = None, transport: str = "auto"
 ) -> tuple[list[int], list[str]]:
     """Receive everything; returns the indices of the packets that came, and what was told."""
     sentences: list[str] = []
-    arrival = Arrival(server.address, holding, until=until or Until(), link=link, notify=sentences.append)
+    arrival = Arrival(
+        server.address, holding, until=until or Until(), link=link, notify=sentences.append, transport=transport
+    )
     events = [event async for event in arrival.events()]
     assert isinstance(events[-1], DoneEvent)
     return [event.index for event in events if isinstance(event, PacketEvent)], sentences
@@ -275,3 +279,121 @@ async def test_why_the_first_transport_failed_is_told_in_the_end() -> None:
     async with dying_websockets(0, file=None) as (address, _):
         with pytest.raises(TransferError, match=r"was lost .* by download: .* HTTP status 404"):
             await arrive(address, Holding())
+
+
+def frames_of(source: MadeUpStream, count: int, *, credit: int = 1 << 20) -> list[bytes]:
+    """The first frames of an honest server: the header, then one packet a frame."""
+    session = ServerSession("vase", source)
+    session.receive(encode_message(Hello(1, "vase", b"", (), None, None, None, credit)))
+    return [frame for frame in (session.next_frame() for _ in range(count)) if frame is not None]
+
+
+SMALL = MadeUpStream((30, 50, 20, 40))
+DONE = encode_message(Done(99, 10**6, more=False))
+LIES: dict[str, tuple[list[bytes], type[Exception], str]] = {
+    "done early": ([*frames_of(SMALL, 3), DONE], ProtocolError, "says that all is sent, but 2 of 4 packets are missing"),
+    "done at once": ([*frames_of(SMALL, 1), DONE], ProtocolError, "4 of 4 packets are missing"),
+    "done first": ([DONE], ProtocolError, "all is sent before the header was"),
+    "repeats a packet": ([*frames_of(SMALL, 3), frames_of(SMALL, 3)[2]], ProtocolError, "packet 1 was not asked for"),
+    "leaves one out": ([*frames_of(SMALL, 2), frames_of(SMALL, 4)[3]], ProtocolError, "packet 2 arrived where packet 1"),
+    "says nothing": ([*frames_of(SMALL, 3), b"wait"], TransferError, "nothing came from"),
+    "closes cleanly": (frames_of(SMALL, 3), TransferError, "the connection to .* was lost"),
+    "gives up": ([*frames_of(SMALL, 3), error_frame("gone", "no more")], PeerError, "no more"),
+    "sends other bytes": (
+        [*frames_of(SMALL, 3), encode_message(PacketPart(2, 0, bytes(20)))],
+        StreamError,
+        "checksum is",
+    ),
+}
+
+
+@asynccontextmanager
+async def lying(listening: Callable[..., Any], script: list[bytes]) -> AsyncIterator[tuple[MeshAddress, list[bytes]]]:
+    """A server that says the same to everybody; b"wait" lets it fall silent. Yields what it was asked, too."""
+    hellos: list[bytes] = []
+
+    async def handle(socket: ServerConnection) -> None:
+        hellos.append(bytes(await socket.recv()))  # type: ignore[arg-type]
+        for frame in script:
+            await (socket.wait_closed() if frame == b"wait" else socket.send(frame))
+
+    async with listening(handle) as address:
+        yield address, hellos
+
+
+@pytest.mark.parametrize("name", LIES)
+async def test_a_part_is_never_passed_off_as_the_whole(
+    name: str, listening: Callable[..., Any], tmp_path: Path
+) -> None:
+    script, kind, message = LIES[name]
+    file = PartialFile(tmp_path / "vase.tide")
+    link = Link(retries=0, delay=0.001, timeout=0.2)
+    async with lying(listening, script) as (address, _):
+        arrival = Arrival(address, file, until=Until(), link=link, notify=lambda _: None, transport="websocket")
+        with pytest.raises(kind, match=message) as caught:
+            async for _ in arrival.events():
+                pass
+    held = file.count
+    file.close()
+    told = str(caught.value)
+    if name == "done first":
+        assert held == 0
+        return
+    left = [entry.kind.label for entry in SMALL.header.packets[held:]]
+    assert f"{len(left)} of 4 packets are missing ({sum(map(len, SMALL.packet_bytes[held:]))} bytes" in told
+    assert f"from level {SMALL.header.packets[held].level} on" in told
+    assert all(f"{left.count(kind)} {kind}" in told for kind in left)
+    assert told.count("packets are missing") == 1
+    if held:
+        assert "is kept in" in told
+    whole = write_container(SMALL.header, SMALL.packet_bytes)
+    assert (tmp_path / "vase.tide").read_bytes() == whole[: len(whole) - sum(map(len, SMALL.packet_bytes[held:]))]
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+async def test_the_same_bytes_again_and_again_are_no_progress(frames: int, listening: Callable[..., Any]) -> None:
+    """Whatever the client says that it holds, this server begins at the beginning, and drops the connection."""
+    async with lying(listening, frames_of(SMALL, frames)) as (address, hellos):
+        holding = Holding()
+        with pytest.raises((TransferError, ProtocolError)):
+            await receive(SimpleNamespace(address=address), holding, transport="websocket")
+    assert len(hellos) <= 1 + LINK.retries
+    assert holding.count == frames - 1
+
+
+async def test_a_stream_that_changes_again_and_again_is_given_up(listening: Callable[..., Any]) -> None:
+    streams = [SMALL, MadeUpStream((30, 50, 20, 40), seed=5)]
+    asked = 0
+
+    async def handle(socket: ServerConnection) -> None:
+        nonlocal asked
+        await socket.recv()
+        asked += 1
+        for frame in frames_of(streams[asked % 2], 3):
+            await socket.send(frame)
+
+    async with listening(handle) as address:
+        with pytest.raises(ProtocolError, match="has changed on the server 4 times"):
+            await receive(SimpleNamespace(address=address), Holding(), transport="websocket")
+    assert asked == LINK.retries + 3
+
+
+async def test_the_waits_between_attempts_are_as_many_as_the_retries(
+    listening: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pauses: list[float] = []
+    link = Link(retries=4, delay=1.0, longest_delay=3.0)
+
+    async def sleep(seconds: float) -> None:
+        pauses.append(seconds)
+
+    monkeypatch.setattr("meshtide_client.arrival.asyncio", SimpleNamespace(sleep=sleep))
+    async with lying(listening, frames_of(SMALL, 2)) as (address, hellos):
+        with pytest.raises(ProtocolError, match="packet 0 was not asked for"):
+            await receive(SimpleNamespace(address=address), Holding(), link=link, transport="websocket")
+        assert (len(hellos), len(pauses)) == (2, 1)
+    async with lying(listening, frames_of(SMALL, 1)) as (address, hellos):
+        with pytest.raises(TransferError, match="after 4 more attempts"):
+            await receive(SimpleNamespace(address=address), Holding(), link=link, transport="websocket")
+    assert (len(hellos), len(pauses)) == (5, 5)
+    assert all(pause <= 3.0 * 1.25 for pause in pauses)

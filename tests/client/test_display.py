@@ -36,6 +36,12 @@ def result(**changes: Any) -> FetchResult:
     return FetchResult(**(settings | changes))
 
 
+def test_sentences_of_peers_are_escaped() -> None:
+    file = io.StringIO()
+    Display("vase", Console(file=file, force_terminal=True)).notify("lost: \x1b]0;x\x07 [red]\u202e")
+    assert file.getvalue() == "lost: \\x1b]0;x\\x07 [red]\\u202e\n"
+
+
 def test_the_line_of_a_whole_mesh() -> None:
     line = result_line(result(), Path("vase.ply"))
     assert line == "vase.ply: level 0, 1000 vertices, 2000 faces; 7000 bytes in 0.75 s"

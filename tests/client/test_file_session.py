@@ -112,9 +112,31 @@ def test_a_damaged_byte_is_told(position: int, flip: int) -> None:
         session.end(len(damaged))
 
 
+def test_what_stands_before_damaged_bytes_is_given_out() -> None:
+    start = len(preamble(STREAM.header_bytes)) + int(STREAM.header.packet_offsets[3])
+    damaged = bytearray(WHOLE)
+    damaged[start] ^= 1
+    session = FileSession()
+    assert indices(session.feed(damaged)) == [0, 1, 2]
+    for call in (session.check, lambda: session.feed(b""), lambda: session.end(len(WHOLE))):
+        with pytest.raises(PacketError, match="packet 3 is damaged"):
+            call()
+
+
+def test_a_file_that_ends_early_is_told_with_what_is_missing_of_the_bound() -> None:
+    session = FileSession(until=Until(level=1))
+    session.feed(WHOLE[: len(preamble(STREAM.header_bytes)) + int(STREAM.header.packet_offsets[2])])
+    wanted = STREAM.header.entry(1).packet_count
+    with pytest.raises(TruncatedError, match=f"{wanted - 2} of {wanted} packets are missing"):
+        session.end(5)
+
+
 def test_bytes_after_the_last_packet_are_told() -> None:
+    session = FileSession()
+    assert indices(session.feed(WHOLE + b"abc")) == list(range(COUNT))
     with pytest.raises(ContainerError, match="3 bytes follow the last packet"):
-        FileSession().feed(WHOLE + b"abc")
+        session.check()
+    assert not session.finished
 
 
 def test_a_web_page_is_told_by_its_first_bytes() -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import gzip
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -183,3 +185,106 @@ async def test_local_files_are_read(tmp_path: Path) -> None:
 async def test_no_server_is_told() -> None:
     with pytest.raises(TransferError, match="cannot read http://127.0.0.1:9/vase.tide"):
         await levels("http://127.0.0.1:9/vase.tide")
+
+
+COUNT = len(ENCODED.header.packets)
+HEADER_END = len(WHOLE) - sum(entry.length for entry in ENCODED.header.packets)
+
+
+@pytest.mark.parametrize("transport", ["http", "download", "local"])
+@pytest.mark.parametrize("held", [0, 1, COUNT - 1])
+@pytest.mark.parametrize("unframed", [False, True])
+async def test_a_file_that_ends_early_is_told_with_what_is_missing(
+    transport: str, held: int, unframed: bool, tmp_path: Path
+) -> None:
+    offsets = HEADER_END + ENCODED.header.packet_offsets
+    part = WHOLE[: int(offsets[held]) + 1]
+    path = tmp_path / "kept.tide"
+    with web_server(WebServer(part, unframed=unframed)) as server:
+        url = f"{server.url}/vase.tide"
+        if transport == "local":
+            (tmp_path / "vase.tide").write_bytes(part)
+            url, transport = str(tmp_path / "vase.tide"), "auto"
+        with pytest.raises(TruncatedError, match=f"ends after {len(part)} bytes") as caught:
+            await levels(url, transport=transport, resume=path)
+    entry = ENCODED.header.packets[held]
+    left = len(WHOLE) - int(offsets[held])
+    assert f"{COUNT - held} of {COUNT} packets are missing ({left} bytes, from level {entry.level} on" in str(caught.value)
+    assert (caught.value.level, caught.value.packet) == (entry.level, entry.kind.label)
+    assert "is kept in" in str(caught.value)
+    assert path.read_bytes() == part[:-1]
+
+
+async def test_ranges_with_other_bytes_are_refused_and_what_came_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "kept.tide"
+    start = HEADER_END + int(ENCODED.header.packet_offsets[2])
+    wrong = WHOLE[:start] + bytes(len(WHOLE) - start)
+    with web_server(WebServer(wrong)) as server:
+        with pytest.raises(PacketError, match="packets are missing"):
+            await levels(f"{server.url}/vase.tide", transport="http", resume=path)
+        assert path.read_bytes() == WHOLE[:start]
+        server.content = WHOLE
+        assert await levels(f"{server.url}/vase.tide", transport="http", resume=path) == LEVELS
+
+
+async def test_a_stream_that_changes_for_ever_is_given_up(tmp_path: Path) -> None:
+    """Each answer is cut after some packets, and the next one is of another stream."""
+    contents = [WHOLE, encoded_grid(12).to_bytes()]
+    server = WebServer(WHOLE, cuts=[len(contents[1]) // 2] * 99)
+    answer = server.answer
+
+    def changing(request: Any) -> None:
+        server.content = contents[len(server.requests) % 2]
+        server.tag = f'"{len(server.requests) % 2}"'
+        answer(request)
+
+    server.answer = changing  # type: ignore[method-assign]
+    with web_server(server), pytest.raises(ProtocolError, match="has changed on the server"):
+        await levels(f"{server.url}/vase.tide", transport="download", resume=tmp_path / "kept.tide")
+    assert len(server.requests) <= 2 * (QUICK.retries + 2)
+
+
+@pytest.mark.parametrize(
+    ("transport", "cut", "message"), [("http", 50, "no level is"), ("download", HEADER_END + 5, "packets are missing")]
+)
+async def test_attempts_without_new_bytes_are_counted(transport: str, cut: int, message: str) -> None:
+    with web_server(WebServer(WHOLE, cuts=[cut] * 99)) as server:
+        with pytest.raises(TransferError, match=f"after 2 more attempts; .*{message}"):
+            await levels(f"{server.url}/vase.tide", transport=transport)
+    assert len(server.requests) == 1 + QUICK.retries
+
+
+@pytest.mark.parametrize("coding", ["gzip", "deflate"])
+async def test_a_proxy_that_compresses_is_understood(coding: str, tmp_path: Path) -> None:
+    path = tmp_path / "kept.tide"
+    told: list[str] = []
+    with web_server(WebServer(WHOLE, coding=coding)) as server:
+        assert await levels(f"{server.url}/vase.tide", transport="download", resume=path) == LEVELS
+        assert path.read_bytes() == WHOLE
+        path.write_bytes(WHOLE[:-5])
+        assert await levels(f"{server.url}/vase.tide", notify=told.append, resume=path) == LEVELS
+        assert path.read_bytes() == WHOLE
+        assert set(server.accepted) == {"identity"}
+    assert len(told) == 1  # compressed ranges may mean either of two things
+    assert told[0].endswith("reading by download instead")
+
+
+async def test_a_compressed_download_that_is_cut_is_told() -> None:
+    with web_server(WebServer(WHOLE[:-9], coding="gzip")) as server:
+        with pytest.raises(TruncatedError, match=f"ends after {len(WHOLE) - 9} bytes.* 1 of {COUNT} packets"):
+            await levels(f"{server.url}/vase.tide", transport="download")
+    packed = gzip.compress(WHOLE)
+    with web_server(WebServer(packed[:-12], headers={"Content-Encoding": "gzip"})) as server:
+        with pytest.raises(TransferError, match="ended inside of its compression"):
+            await levels(f"{server.url}/vase.tide", transport="download")
+
+
+async def test_a_bomb_is_not_expanded() -> None:
+    bomb = gzip.compress(WHOLE + bytes(1 << 28))
+    tracemalloc.start()
+    with web_server(WebServer(bomb, headers={"Content-Encoding": "gzip"})) as server:
+        with pytest.raises(ContainerError, match="bytes follow the last packet"):
+            await levels(f"{server.url}/vase.tide", transport="download")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1 << 25

@@ -8,7 +8,7 @@ import pytest
 from meshtide_client.s3_source import S3Source, list_files
 from meshtide_client.streaming import stream
 from meshtide_client.transport import Link
-from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
+from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError, TruncatedError
 from streams import encoded_grid
 from web_server import WebServer, web_server
 
@@ -103,3 +103,41 @@ async def test_refusals_are_told(
         monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
         with pytest.raises(error, match=message):
             await levels()
+
+
+async def test_an_object_that_changes_between_two_requests_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    with web_server(WebServer(WHOLE, heedless=True)) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+        source = S3Source(URL, 5.0)
+        async with source.read(0, 10) as reading:
+            assert b"".join([piece async for piece in reading.pieces]) == WHOLE[:10]
+        server.tag = '"second"'
+        with pytest.raises(TransferError, match="has changed while it was read"):
+            async with source.read(10, 20):
+                pass
+        async with source.read(10, 20) as reading:
+            assert b"".join([piece async for piece in reading.pieces]) == WHOLE[10:20]
+
+
+@pytest.mark.parametrize("held", [0, 1, 3])
+async def test_an_object_that_ends_early_is_told_with_what_is_missing(
+    held: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    count = len(ENCODED.header.packets)
+    left = sum(entry.length for entry in ENCODED.header.packets[held:])
+    part = WHOLE[: len(WHOLE) - left + 1]
+    path = tmp_path / "kept.tide"
+    with web_server(WebServer(part)) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+        with pytest.raises(TruncatedError, match=rf"{count - held} of {count} packets are missing \({left} bytes"):
+            await levels(path)
+    assert path.read_bytes() == part[:-1]
+
+
+@pytest.mark.parametrize("shift", [-1, 1])
+async def test_wrong_ranges_of_a_bucket_are_refused(shift: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    with web_server(WebServer(WHOLE, shift=shift)) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.url)
+        with pytest.raises((TransferError, ProtocolError)):
+            async with S3Source(URL, 5.0).read(100, 110):
+                pass

@@ -2,23 +2,30 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import aclosing
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from meshtide_client.streaming import LevelFigures, stream
+from meshtide_client.holding import Holding
+from meshtide_client.streaming import LevelFigures, Reception, stream
 from meshtide_client.transport import Link
 from meshtide_codec.decoder import decode
 from meshtide_codec.errors import LimitError, OptionError, StreamError, TransferError
 from meshtide_codec.limits import Limits
 from meshtide_codec.stream.container import preamble
-from meshtide_codec.stream.session import Until
+from meshtide_codec.stream.messages import Done, decode_message, encode_message
+from meshtide_codec.stream.session import ServerSession, Until
 from streams import MadeUpStream, encoded_grid
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from websockets.asyncio.server import ServerConnection
+
+MESH = "vase"
 
 
 class Source:
@@ -84,6 +91,40 @@ async def test_figures_can_be_kept_without_the_mesh(serving: Callable[..., Any],
         levels = [level async for level in stream(server.url, until=Until(level=99))]
     assert type(levels[0].figures) is LevelFigures
     assert levels[0].figures.vertices == levels[0].vertices
+
+
+async def test_a_level_that_is_not_there_is_told_whatever_the_header_says(
+    serving: Callable[..., Any], source: Source
+) -> None:
+    """A header may claim anything of a level; whoever decodes it knows."""
+    lying = Source()
+    *coarser, finest = source.header.levels
+    early = replace(finest, packet_count=coarser[-1].packet_count)
+    lying.header = replace(source.header, levels=(*coarser, early))
+    lying.header_bytes = lying.header.to_bytes()
+    async with serving(lying) as server:
+        with pytest.raises(StreamError, match=f"level 0 is not complete after {early.packet_count} packets"):
+            [level async for level in stream(server.url)]
+
+
+@pytest.mark.parametrize("more", [True, False])
+async def test_whether_the_stream_goes_on_is_not_believed(
+    more: bool, listening: Callable[..., Any], source: Source
+) -> None:
+    for level, rest in ((0, False), (1, True)):
+
+        async def handle(socket: ServerConnection, level: int = level) -> None:
+            session = ServerSession(MESH, source)
+            session.receive(await socket.recv())
+            while (frame := session.next_frame()) is not None:
+                if isinstance(decode_message(frame), Done):
+                    frame = encode_message(Done(0, 0, more))
+                await socket.send(frame)
+
+        async with listening(handle) as address:
+            reception = Reception(address, Holding(), until=Until(level=level))
+            figures = [found async for found in reception.levels()]
+            assert (figures[-1].level, figures[-1].exact, reception.more) == (level, True, rest)
 
 
 async def test_leaving_early_closes_the_socket(serving: Callable[..., Any], source: Source) -> None:

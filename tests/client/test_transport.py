@@ -323,3 +323,42 @@ async def test_a_connection_that_breaks_is_told(listening: Callable[..., Any]) -
     async with listening(handle) as address:
         with pytest.raises(TransferError, match="it closed without a word"):
             await receive(address)
+
+@pytest.mark.parametrize("frame", [b"\x89\x7d" + bytes(125), b"\x00\x00"], ids=["pings", "empty fragments"])
+async def test_bytes_that_are_no_message_are_no_news(frame: bytes, listening: Callable[..., Any]) -> None:
+    """Control frames and fragments without content keep a connection busy; they do not keep a client waiting."""
+    sent = 0
+
+    async def handle(socket: ServerConnection) -> None:
+        nonlocal sent
+        await socket.recv()
+        if frame[0] == 0:
+            socket.transport.write(b"\x02\x01x")  # the first fragment of a message
+        with suppress(RuntimeError):  # the client has left
+            while not socket.transport.is_closing():
+                socket.transport.write(frame * (16_000 // len(frame)))
+                sent += 16_000
+                await asyncio.sleep(0.02)
+
+    async with listening(handle) as address:
+        with pytest.raises(TransferError, match="sends bytes, but no message|nothing came from"):
+            await receive(address, Link(timeout=0.2))
+    assert sent < 1 << 21
+
+
+async def test_why_a_server_closes_is_told_escaped(listening: Callable[..., Any]) -> None:
+    async def handle(socket: ServerConnection) -> None:
+        await socket.recv()
+        await socket.close(1011, "\x1b[2J\u202ebye\n")
+
+    async with listening(handle) as address:
+        with pytest.raises(TransferError, match="closed with code 1011") as caught:
+            await receive(address)
+    assert str(caught.value).isprintable()
+    assert "bye" in str(caught.value)
+
+
+async def test_headers_of_what_is_no_websocket_are_told_escaped() -> None:
+    with pytest.raises(ProtocolError) as caught:
+        await answering(b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: \x1b[2J\r\nConnection: upgrade\r\n\r\n")
+    assert str(caught.value).isprintable()

@@ -55,6 +55,37 @@ async def test_a_file_that_has_changed_is_noticed_by_its_tag() -> None:
         await made.close()
 
 
+async def test_a_server_that_passes_over_if_match_is_found_out() -> None:
+    with web_server(WebServer(CONTENT, heedless=True)) as server:
+        made = source(server.url)
+        await read(made, 0, 10)
+        server.tag = '"second"'
+        with pytest.raises(TransferError, match="has changed while it was read"):
+            await read(made, 10, 20)
+        assert (await read(made, 10, 20))[0] == CONTENT[10:20]
+        await made.close()
+
+
+async def test_a_file_whose_size_changes_is_found_out_without_tags() -> None:
+    with web_server(WebServer(CONTENT, tag="")) as server:
+        made = source(server.url)
+        await read(made, 0, 10)
+        server.content = CONTENT[:-1]
+        with pytest.raises(TransferError, match="has changed while it was read"):
+            await read(made, 10, 20)
+        assert (await read(made, 10, 20))[0] == CONTENT[10:20]
+        await made.close()
+
+
+@pytest.mark.parametrize("place", ["bytes 0-9/5", "bytes 9-0/100", "bytes 0-9/9", "bytes 0-99/*", "bytes */5", "0-9/100"])
+async def test_ranges_that_cannot_be_are_refused(place: str) -> None:
+    with web_server(WebServer(CONTENT, headers={"Content-Range": place})) as server:
+        made = source(server.url)
+        with pytest.raises(ProtocolError, match="another range"):
+            await read(made, 0, 10)
+        await made.close()
+
+
 async def test_weak_tags_are_not_relied_on() -> None:
     with web_server(WebServer(CONTENT, tag='W/"first"')) as server:
         made = source(server.url)

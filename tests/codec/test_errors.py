@@ -5,7 +5,16 @@ import inspect
 import pytest
 
 from meshtide_codec import errors
-from meshtide_codec.errors import MapConnError, MeshtideError, OptionError, PeerError, StreamError
+from meshtide_codec.errors import (
+    MapConnError,
+    MeshtideError,
+    OptionError,
+    PeerError,
+    ProtocolError,
+    StreamError,
+    TransferError,
+)
+from meshtide_codec.printable import printable
 
 
 def test_every_error_stands_in_the_drawn_tree_at_its_place() -> None:
@@ -38,3 +47,24 @@ def test_an_option_error_is_a_value_error() -> None:
 
 def test_a_peer_error_carries_its_code() -> None:
     assert PeerError("unknown-mesh", "there is no mesh 'x'").code == "unknown-mesh"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        PeerError("gone\x1b[2J", "see \u202eeno\x07\r\nmeshtide: all is well"),
+        ProtocolError("closed: \x1b]0;title\x07 \u2066x"),
+        TransferError("lost (\x9b31m red \udc80)"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_what_a_peer_said_is_told_in_one_printable_line(error: MeshtideError) -> None:
+    told = str(error)
+    assert told == printable(told, 10**6)
+    assert told.isprintable()
+    assert f"{error}" == told
+
+
+def test_the_words_of_a_peer_are_kept_for_programs() -> None:
+    error = PeerError("gone", "see\x1b[2J")
+    assert (error.code, error.message) == ("gone", "see\x1b[2J")

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from meshtide_codec.errors import MeshtideError, OptionError, PacketError, PeerError, ProtocolError
 from meshtide_codec.limits import Limits
-from meshtide_codec.stream.container import PREAMBLE_BYTES
+from meshtide_codec.stream.container import PREAMBLE_BYTES, fingerprint
 from meshtide_codec.stream.messages import (
     LARGEST_MESSAGE,
     LARGEST_PART,
@@ -250,8 +250,68 @@ def test_parts_of_two_packets_must_not_mix() -> None:
     client.receive(encode_message(PacketPart(1, 0, STREAM.packet_bytes[1][:100])))
     with pytest.raises(ProtocolError, match="do not follow"):
         client.receive(encode_message(PacketPart(0, 100, b"x")))
-    with pytest.raises(ProtocolError, match="Done is not expected"):
+    with pytest.raises(ProtocolError, match=f"{COUNT} of {COUNT} packets are missing"):
         client.receive(encode_message(Done(0, 0, more=False)))
+
+
+def test_a_server_that_says_done_before_anything_is_not_believed() -> None:
+    with pytest.raises(ProtocolError, match="all is sent before the header was"):
+        ClientSession("mesh").receive(encode_message(Done(COUNT, 5, more=False)))
+
+
+@pytest.mark.parametrize("until", [Until(), Until(level=1), Until(error=0.2), Until(size=2000), Until(level=9)])
+@pytest.mark.parametrize("claimed", [0, COUNT])
+def test_done_is_checked_against_header_and_bound(until: Until, claimed: int) -> None:
+    wanted = until.packet_count(STREAM.header, len(STREAM.header_bytes))
+    for sent in range(wanted):
+        client = ClientSession("mesh", until=until)
+        server = ServerSession("mesh", STREAM)
+        server.receive(client.hello())
+        events: list[object] = []
+        while sum(isinstance(event, PacketEvent) for event in events) < sent or client.header is None:
+            frame = server.next_frame()
+            assert frame is not None
+            events += client.receive(frame)
+            if (grant := client.credit_frame()) is not None:
+                server.receive(grant)
+        with pytest.raises(ProtocolError, match=f"{wanted - sent} of {wanted} packets are missing") as caught:
+            client.receive(encode_message(Done(claimed, 10**9, more=False)))
+        assert STREAM.header.packets[sent].kind.label in str(caught.value)
+        assert not client.finished
+
+
+@given(st.integers(0, 1 << 60), st.integers(0, 1 << 60), st.booleans())
+def test_what_done_claims_is_not_believed(packets: int, size: int, more: bool) -> None:
+    source = MadeUpStream((10, 50, 5, 7))
+    until = Until(level=1)
+    wanted = until.packet_count(source.header, len(source.header_bytes))
+    client = ClientSession("mesh", until=until, held_header=source.header_bytes, held=[0])
+    mark = fingerprint(source.header_bytes)
+    client.receive(encode_message(HeaderPart(mark, len(source.header_bytes), 0, b"")))
+    for index in range(1, wanted):
+        client.receive(encode_message(PacketPart(index, 0, source.packet_bytes[index])))
+    events = client.receive(encode_message(Done(packets, size, more)))
+    assert events == [DoneEvent(wanted - 1, sum(map(len, source.packet_bytes[1:wanted])), more=True)]
+
+
+def test_packets_outside_of_the_bound_are_refused() -> None:
+    client = ClientSession("mesh", until=Until(level=1), held_header=STREAM.header_bytes, held=range(COUNT - 3))
+    wanted = STREAM.header.entry(1).packet_count
+    mark = fingerprint(STREAM.header_bytes)
+    client.receive(encode_message(HeaderPart(mark, len(STREAM.header_bytes), 0, b"")))
+    with pytest.raises(ProtocolError, match=f"packet {COUNT - 1} was not asked for"):
+        client.receive(encode_message(PacketPart(COUNT - 1, 0, STREAM.packet_bytes[COUNT - 1][:5])))
+    assert wanted < COUNT
+
+
+def test_a_header_that_comes_again_does_not_cost_what_is_held() -> None:
+    client = ClientSession("mesh", held_header=STREAM.header_bytes, held=[0, 2])
+    mark = fingerprint(STREAM.header_bytes)
+    part = HeaderPart(mark, len(STREAM.header_bytes), 0, STREAM.header_bytes)
+    events = client.receive(encode_message(part))
+    assert events == [HeaderEvent(STREAM.header, STREAM.header_bytes, resumed=True)]
+    with pytest.raises(ProtocolError, match="packet 0 was not asked for"):
+        client.receive(encode_message(PacketPart(0, 0, STREAM.packet_bytes[0])))
 
 
 def test_a_damaged_packet_is_noticed() -> None:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from meshtide_client.secrecy import shown_address
+from meshtide_client.server_options import CaFileOption
 from meshtide_codec.command_line import LONGEST_EXPLANATION
 from meshtide_codec.json_text import json_text
 from meshtide_codec.printable import printable, shown
@@ -34,6 +36,7 @@ def edit(
     licence: Annotated[str | None, typer.Option(help="The text of its terms from now on.")] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Change what a server tells of a published mesh; it is not encoded again. Takes a write token.
@@ -49,7 +52,7 @@ def edit(
     if tag and no_tags:
         raise OptionError("--tag and --no-tags say the opposite; give one of them")
     wanted = [] if no_tags else tag
-    mesh = change_mesh(url, name=name, tags=wanted, licence=licence, timeout=timeout, token=find_token(token_file))
+    mesh = change_mesh(url, name=name, tags=wanted, licence=licence, timeout=timeout, token=find_token(token_file), ca_file=ca_file)
     if as_json:
         typer.echo(json_text(asdict(mesh)))
     else:
@@ -62,6 +65,7 @@ def delete(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Take published meshes away from a server, for good. Takes a write token.
@@ -72,13 +76,13 @@ def delete(
     from meshtide_client.curation.requests import delete_mesh
 
     if not yes:
-        typer.confirm(f"delete {', '.join(urls)}?", abort=True, err=True)
+        typer.confirm(f"delete {', '.join(shown(shown_address(url)) for url in urls)}?", abort=True, err=True)
     for url in urls:
-        delete_mesh(url, timeout=timeout, token=find_token(token_file))
+        delete_mesh(url, timeout=timeout, token=find_token(token_file), ca_file=ca_file)
         if not as_json:
-            typer.echo(f"{shown(url)} is deleted")
+            typer.echo(f"{shown(shown_address(url))} is deleted")
     if as_json:
-        typer.echo(json_text({"deleted": urls}))
+        typer.echo(json_text({"deleted": [shown_address(url) for url in urls]}))
 
 
 def tags(
@@ -86,6 +90,7 @@ def tags(
     limit: Annotated[int, typer.Option(min=1, max=1000, help="How many at most.")] = 1000,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """List the tags of a server's published meshes, those of most meshes first.
@@ -95,7 +100,7 @@ def tags(
     from meshtide_client.credentials import find_token
     from meshtide_client.curation.requests import list_tags
 
-    found = list_tags(url, limit=limit, timeout=timeout, token=find_token(token_file))
+    found = list_tags(url, limit=limit, timeout=timeout, token=find_token(token_file), ca_file=ca_file)
     if as_json:
         typer.echo(json_text({"tags": found}))
         return

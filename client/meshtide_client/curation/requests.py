@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import httpx
 
 from meshtide_client.address import MeshAddress, ServerAddress
-from meshtide_client.credentials import authorization, find_token
+from meshtide_client.credentials import find_token
 from meshtide_client.listing import hosted_mesh
-from meshtide_client.problem import read_problem
-from meshtide_codec.errors import OptionError, ProtocolError, TransferError
+from meshtide_client.web_client import WebClient, refusal
+from meshtide_codec.errors import OptionError, ProtocolError
 from meshtide_codec.stream import plain_values
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from meshtide_client.listing import HostedMesh
 
 _TIMEOUT = 30.0
 _LONGEST_TAG = 1000
+
+
+class _How(NamedTuple):
+    """How a server is asked."""
+
+    timeout: float
+    token: str | None
+    ca_file: Path | str | None
 
 
 def change_mesh(
@@ -30,6 +39,7 @@ def change_mesh(
     licence: str | None = None,
     timeout: float = _TIMEOUT,
     token: str | None = None,
+    ca_file: Path | str | None = None,
 ) -> HostedMesh:
     """Change what is told of a published mesh, without encoding it again; what is None stays as it is.
 
@@ -40,6 +50,7 @@ def change_mesh(
         licence: the text of its terms.
         timeout: seconds without any news.
         token: for writing, or None for that of the environment.
+        ca_file: of the authorities that vouch for the server, or None for those of the environment or the machine.
 
     Raises:
         OptionError: `url` names no mesh, or nothing is to be changed.
@@ -51,26 +62,36 @@ def change_mesh(
     change = {key: value for key, value in told.items() if value is not None}
     if not change:
         raise OptionError("nothing is to be changed; give a name, tags or a licence")
-    answer = _ask(address.server, "PATCH", address.page_url, timeout, token, json=change)
+    answer = _ask(address.server, "PATCH", address.page_url, _How(timeout, token, ca_file), json=change)
     try:
         return hosted_mesh(answer)
     except (plain_values.BadValueError, LookupError, TypeError, AttributeError) as error:
         raise ProtocolError(f"{address} does not describe a mesh ({error}); check the address") from error
 
 
-def delete_mesh(url: str, *, timeout: float = _TIMEOUT, token: str | None = None) -> None:
+def delete_mesh(
+    url: str, *, timeout: float = _TIMEOUT, token: str | None = None, ca_file: Path | str | None = None
+) -> None:
     """Take a published mesh away, for good; raises as `change_mesh` does.
 
     Args:
         url: of the mesh.
         timeout: seconds without any news.
         token: for writing, or None for that of the environment.
+        ca_file: of the authorities that vouch for the server, or None for those of the environment or the machine.
     """
     address = MeshAddress.parse(url)
-    _ask(address.server, "DELETE", address.page_url, timeout, token)
+    _ask(address.server, "DELETE", address.page_url, _How(timeout, token, ca_file))
 
 
-def list_tags(url: str, *, limit: int = 1000, timeout: float = _TIMEOUT, token: str | None = None) -> dict[str, int]:
+def list_tags(
+    url: str,
+    *,
+    limit: int = 1000,
+    timeout: float = _TIMEOUT,
+    token: str | None = None,
+    ca_file: Path | str | None = None,
+) -> dict[str, int]:
     """The tags of a server's published meshes and how many meshes have each, those of most meshes first.
 
     Args:
@@ -78,13 +99,14 @@ def list_tags(url: str, *, limit: int = 1000, timeout: float = _TIMEOUT, token: 
         limit: how many at most, up to 1000.
         timeout: seconds without any news.
         token: to be shown to the server, or None for that of the environment.
+        ca_file: as in `change_mesh`.
 
     Raises:
         OptionError, PeerError, TransferError, ProtocolError: as `change_mesh`.
     """
     server = ServerAddress.parse(url)
     place = f"{server.listing_url.rpartition('/')[0]}/tags"
-    answer = _ask(server, "GET", place, timeout, token, params={"limit": limit})
+    answer = _ask(server, "GET", place, _How(timeout, token, ca_file), params={"limit": limit})
     try:
         rows = plain_values.array(answer, "the list of tags")
         return {
@@ -99,26 +121,15 @@ def _ask(
     server: ServerAddress,
     method: str,
     url: str,
-    timeout: float,
-    token: str | None,
+    how: _How,
     **more: Any,  # noqa: ANN401 - httpx's
 ) -> Any:  # noqa: ANN401 - anything may come
     """The JSON that is answered; None for an answer without a body."""
-    headers = authorization(token or find_token())
+    with WebClient(server, timeout=how.timeout, token=how.token or find_token(), ca_file=how.ca_file) as client:
+        answer = client.ask(method, url, **more)
+    if not httpx.codes.is_success(answer.status):
+        raise refusal(answer, str(server))
     try:
-        with httpx.Client(timeout=timeout, trust_env=not server.is_loopback, headers=headers) as client:
-            response = client.request(method, url, **more)
-    except httpx.TimeoutException as error:
-        raise TransferError(f"{server} did not answer within {timeout:g} seconds") from error
-    except httpx.RemoteProtocolError as error:
-        raise ProtocolError(f"what answers at {server} is not a meshtide server ({error})") from error
-    except httpx.HTTPError as error:
-        raise TransferError(f"cannot reach {server}: {error}") from error
-    if not response.is_success:
-        if (problem := read_problem(response.content)) is not None:
-            raise problem
-        raise ProtocolError(f"{server} answered with HTTP status {response.status_code}; check the address")
-    try:
-        return response.json() if response.content else None
-    except (ValueError, RecursionError) as error:
+        return answer.value() if answer.body else None
+    except ValueError as error:
         raise ProtocolError(f"{server} answered with something else than JSON; check the address") from error

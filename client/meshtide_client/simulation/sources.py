@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshtide_client.fetching import fetch
+from meshtide_client.secrecy import shown_address
 from meshtide_client.tide_address import parse_address
 from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.samples import load_sample, sample_names
@@ -25,7 +26,7 @@ class Source:
 
     Args:
         name: as the tables call it.
-        place: path, sample name or URL.
+        place: path, sample name, or URL without what may be secret in it.
         digest: SHA-256 of its contents, so that a sweep does not go on with another mesh.
         stream: the stream's bytes, if it is one already.
     """
@@ -60,7 +61,7 @@ def open_source(place: str) -> Source:
             path = Path(folder) / f"stream{STREAM_SUFFIX}"
             fetch(place, stream_file=path)
             data = path.read_bytes()
-        return Source(parse_address(place).file_stem, place, hashlib.sha256(data).hexdigest(), data)
+        return Source(parse_address(place).file_stem, shown_address(place), hashlib.sha256(data).hexdigest(), data)
     data = Path(place).read_bytes()
     stream = data if place.endswith(STREAM_SUFFIX) else None
     return Source(Path(place).stem, place, hashlib.sha256(data).hexdigest(), stream)

@@ -2,7 +2,9 @@
 
 `ServerSession` is fed the client's frames and yields the server's, one at a time, never more bytes than the client
 has granted. `ClientSession` is fed the server's frames, checks and joins them, and yields packets and the frames
-that grant more credit. A client that reconnects says what it holds; no packet that it holds is sent again.
+that grant more credit. A client that reconnects says what it holds; no packet that it holds is sent again. What a
+server claims of the stream's end is not believed: the client works out which packets are due, and is finished only
+when it holds them.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from meshtide_codec.stream.messages import (
     decode_message,
     encode_message,
 )
+from meshtide_codec.stream.shortage import find_shortage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -216,7 +219,10 @@ class PacketEvent:
 
 @dataclass(frozen=True, slots=True)
 class DoneEvent:
-    """The server has sent all that was asked for; `more` tells whether the stream goes on after that."""
+    """All that was asked for is held; so many packets and bytes came now, and `more` tells whether the stream goes on.
+
+    The session counts them itself; what the server says of them is not believed.
+    """
 
     packets: int
     size: int
@@ -260,6 +266,9 @@ class ClientSession:
         self._pending = bytearray()
         self._pending_index: int | None = None
         self._mark = b""
+        self._wanted = 0
+        self._packets = 0
+        self._packet_bytes = 0
         self.header: StreamHeader | None = None
         self.finished = False
         self.received_bytes = 0
@@ -291,7 +300,7 @@ class ClientSession:
         """Take one frame of the server.
 
         Raises:
-            ProtocolError: it is malformed or out of turn.
+            ProtocolError: it is malformed or out of turn, or says that all is sent while packets are missing.
             PeerError: the server refused.
             StreamError: header or packet are damaged or over the limits.
         """
@@ -302,19 +311,33 @@ class ClientSession:
             return self._take_header(message)
         if isinstance(message, PacketPart) and self.header is not None:
             return self._take_packet(self.header, message)
-        if isinstance(message, Done) and self.header is not None and not self._pending:
-            self.finished = True
-            return [DoneEvent(message.packets, message.size, message.more)]
+        if isinstance(message, Done):
+            return [self._end(self.header)]
         if isinstance(message, Error):
             raise PeerError(message.code, message.message)
         raise ProtocolError(f"{type(message).__name__} is not expected here")
+
+    def _end(self, header: StreamHeader | None) -> DoneEvent:
+        """The server says that it has sent everything; it counts only if all that is due is held."""
+        if header is None:
+            raise ProtocolError("the server says that all is sent before the header was")
+        if (shortage := find_shortage(header, self._held, self._wanted)) is not None:
+            raise ProtocolError(f"the server says that all is sent, but {shortage}")
+        self.finished = True
+        return DoneEvent(self._packets, self._packet_bytes, more=self._wanted < len(header.packets))
+
+    def _begin(self, header_bytes: bytes, *, resumed: bool) -> list[Event]:
+        self.header = StreamHeader.from_bytes(header_bytes, self._limits)
+        self._wanted = self._until.packet_count(self.header, len(header_bytes))
+        if not resumed:
+            self._held.clear()
+        return [HeaderEvent(self.header, header_bytes, resumed)]
 
     def _take_header(self, part: HeaderPart) -> list[Event]:
         if self._held_header and not part.data:
             if part.fingerprint != fingerprint(self._held_header):
                 raise ProtocolError("the server skipped a header that this client does not hold")
-            self.header = StreamHeader.from_bytes(self._held_header, self._limits)
-            return [HeaderEvent(self.header, self._held_header, resumed=True)]
+            return self._begin(self._held_header, resumed=True)
         self._count(part.data)
         if part.offset != len(self._pending) or (self._mark and part.fingerprint != self._mark):
             raise ProtocolError("the parts of the header do not follow each other")
@@ -328,13 +351,11 @@ class ClientSession:
         self._pending.clear()
         if fingerprint(header_bytes) != part.fingerprint:
             raise ProtocolError("the header does not match its fingerprint")
-        self.header = StreamHeader.from_bytes(header_bytes, self._limits)
-        self._held.clear()
-        return [HeaderEvent(self.header, header_bytes, resumed=False)]
+        return self._begin(header_bytes, resumed=header_bytes == self._held_header)
 
     def _take_packet(self, header: StreamHeader, part: PacketPart) -> list[Event]:
         self._count(part.data)
-        if part.index >= len(header.packets) or part.index in self._held:
+        if part.index >= self._wanted or part.index in self._held:
             raise ProtocolError(f"packet {part.index} was not asked for")
         if self._pending_index not in (None, part.index) or part.offset != len(self._pending):
             raise ProtocolError(f"the parts of packet {part.index} do not follow each other")
@@ -350,6 +371,8 @@ class ClientSession:
         self._pending_index = None
         packet = check_packet(header, part.index, data)
         self._held.add(part.index)
+        self._packets += 1
+        self._packet_bytes += length
         return [PacketEvent(part.index, packet, data)]
 
     def _count(self, data: bytes) -> None:
