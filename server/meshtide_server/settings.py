@@ -188,6 +188,19 @@ class Settings(BaseSettings):
     max_message: int = Field(
         default=LARGEST_MESSAGE, ge=1024, le=LARGEST_MESSAGE, description="Largest frame a client may send, in bytes."
     )
+    max_request_line: int = Field(
+        default=1 << 16, ge=1024, le=1 << 20, description="Bytes of a request's first line, which holds its address."
+    )
+    max_head: int = Field(
+        default=1 << 17, ge=2048, le=1 << 22, description="Bytes of a request's first line and headers together."
+    )
+    max_headers: int = Field(default=100, ge=10, le=10_000, description="Headers of a request.")
+    frames_per_second: int = Field(
+        default=1000, ge=10, description="Frames of one websocket that are worked off in a second; more wait."
+    )
+    control_frames_per_second: int = Field(
+        default=20, ge=1, description="Pings and pongs of one websocket in a second; more end it."
+    )
     log_level: LogLevel = Field(default="info", description="How much is logged: debug, info, warning or error.")
     log_format: LogFormat = Field(
         default="text", description="How: text for people, or json, one object a line, for programs."
