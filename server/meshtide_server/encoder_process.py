@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from asyncio.subprocess import Process
     from collections.abc import Callable
 
+    from meshtide_codec.limits import Limits
     from meshtide_server.encoding_options import EncodingOptions
     from meshtide_server.upload_checks import UploadLimits
 
@@ -66,7 +67,7 @@ class ProcessLimits:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A mesh to be encoded.
+    """A mesh to be encoded, or a stream to be checked.
 
     Args:
         file: the mesh file, or None for a sample.
@@ -75,6 +76,7 @@ class Job:
         options: how to encode.
         targets: where to store the stream; the first that takes it.
         limits: what the file may claim if a stranger sent it; None for one of the server's own.
+        stream_limits: the same of a file that is a stream already, which is only decoded; None for the usual ones.
     """
 
     file: Path | None
@@ -83,6 +85,7 @@ class Job:
     options: EncodingOptions
     targets: tuple[Path, ...]
     limits: UploadLimits | None = None
+    stream_limits: Limits | None = None
 
     def line(self) -> bytes:
         """The job as the process reads it."""
@@ -93,6 +96,7 @@ class Job:
             "options": self.options.plain(),
             "targets": [str(target) for target in self.targets],
             "limits": asdict(self.limits) if self.limits else None,
+            "stream_limits": asdict(self.stream_limits) if self.stream_limits else None,
         }
         return json.dumps(fields).encode() + b"\n"
 

@@ -18,7 +18,6 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshtideError
-from meshtide_codec.limits import Limits
 from meshtide_server import metrics
 from meshtide_server.catalogue import DatabaseUnavailableError, JobState, MeshState, UnknownJobError, UnknownMeshError
 from meshtide_server.encoder_process import EncodingFailedError
@@ -177,16 +176,11 @@ class JobAttempt:
             if stream is None:
                 self._stage = ("read the upload", 0.0)
                 await self._fetch(source)
-                stream = source if suffix == TIDE_SUFFIX else await self._encoded(encoder, source)
+                stream = await self._encoded(encoder, source)
             self._stage = ("publish", 0.0)
             publication = Publication(mesh.id, mesh.name, mesh.tags, mesh.licence, mesh.source, self._box)
-            limits = Limits(
-                vertices=self._settings.max_vertices,
-                faces=self._settings.max_faces,
-                memory=self._settings.max_decode_memory,
-            )
             owned = (self._job.id, self._owner)
-            shown = await publish(store, catalogue, stream, publication, limits=limits, job=owned)
+            shown = await publish(store, catalogue, stream, publication, limits=self._settings.stream_limits, job=owned)
             logger.info(
                 "%s is ready: %d vertices, %d faces, %d bytes", mesh.id, shown.vertices, shown.faces, shown.size
             )
@@ -219,11 +213,11 @@ class JobAttempt:
         return await self._kept.store.get(stream_key(twin.stream))
 
     async def _encoded(self, encoder: EncoderProcess, source: Path) -> Path:
-        """The stream of the upload, as a file beside it."""
-        target = source.with_suffix(TIDE_SUFFIX)
+        """The stream of the upload, as a file in a folder beside it: encoded, or decoded to its end and found right."""
+        target = source.parent / "stream" / source.with_suffix(TIDE_SUFFIX).name
         digest = await asyncio.to_thread(file_digest, source)
         limits = UploadLimits(self._settings.max_vertices, self._settings.max_faces)
-        job = EncoderJob(source, None, digest, self._options, (target,), limits)
+        job = EncoderJob(source, None, digest, self._options, (target,), limits, self._settings.stream_limits)
         encoded = await encoder.encode(job, self._advance)
         self._box = encoded.box
         return target

@@ -17,6 +17,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshtide_codec.compact.effort import Effort
 from meshtide_codec.errors import OptionError
+from meshtide_codec.limits import Limits
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_server.encoding_options import EncodingOptions
@@ -288,6 +289,11 @@ class Settings(BaseSettings):
     def encoding(self) -> EncodingOptions:
         """How meshes are encoded of which nothing else is said."""
         return EncodingOptions(self.bits, self.profile, self.effort)
+
+    @property
+    def stream_limits(self) -> Limits:
+        """What a stream may hold that others have encoded."""
+        return Limits(vertices=self.max_vertices, faces=self.max_faces, memory=self.max_decode_memory)
 
     @property
     def encoder_processes(self) -> int:

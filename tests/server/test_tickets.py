@@ -97,7 +97,9 @@ def test_a_ticket_that_is_good_for_ever_is_good_for_nothing() -> None:
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 40)), max_size=60))
 def test_no_ticket_is_taken_twice_whatever_the_clocks_do(steps: list[tuple[int, int]]) -> None:
     clocks = [Clock() for _ in range(3)]
-    offices = [TicketOffice(READ_TOKENS, seconds=life, clock=clock) for clock, life in zip(clocks, (5, 30, 900), strict=True)]
+    offices = [
+        TicketOffice(READ_TOKENS, seconds=life, clock=clock) for clock, life in zip(clocks, (5, 30, 900), strict=True)
+    ]
     tickets: list[str] = []
     taken: set[str] = set()
     for kind, amount in steps:

@@ -24,6 +24,7 @@ from meshtide_server.stream_cache import codec_digest, file_digest
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
+    from meshtide_codec.limits import Limits
     from meshtide_server.catalogue import Box
     from meshtide_server.encoder_process import ProcessLimits
     from meshtide_server.encoding_options import EncodingOptions
@@ -42,6 +43,7 @@ class FileTask:
         digest: SHA-256 of its content, in hexadecimal.
         options: how to encode it.
         limits: what it may claim.
+        stream_limits: the same of a file that is a stream already, which is only decoded.
         process: what its encoder's process may take.
         seconds: how long it may take.
         codec: digest of the codec that is to encode it; see `codec_digest`.
@@ -51,6 +53,7 @@ class FileTask:
     digest: str
     options: EncodingOptions
     limits: UploadLimits
+    stream_limits: Limits
     process: ProcessLimits
     seconds: float
     codec: str
@@ -79,7 +82,7 @@ Progress = Callable[[str, float], None]
 async def encode_file(
     task: FileTask, content: bytes | None = None, progress: Progress = lambda _stage, _fraction: None
 ) -> FileOutcome:
-    """Check a mesh file, read it, encode it. Failures are returned, for what is raised on a cluster is lost in logs.
+    """Check a mesh file, read it, encode it; a stream is decoded, and returned as it is. Failures are returned, for what is raised on a cluster is lost in logs.
 
     Args:
         task: what to do.
@@ -96,7 +99,7 @@ async def encode_file(
 
 
 async def _encode(task: FileTask, path: Path, progress: Progress) -> FileOutcome:
-    job = Job(path, None, task.digest, task.options, (), task.limits)
+    job = Job(path, None, task.digest, task.options, (), task.limits, task.stream_limits)
     reason = ""
     for _ in range(ATTEMPTS):
         try:
