@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 import tempfile
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from meshtide_server.catalogue import DatabaseUnavailableError, JobState, MeshSt
 from meshtide_server.encoder_process import EncodingFailedError
 from meshtide_server.encoder_process import Job as EncoderJob
 from meshtide_server.encoding_options import EncodingOptions
+from meshtide_server.file_names import folders_of, without_folders
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.metrics import JobOutcome
 from meshtide_server.publishing import Publication, publish
@@ -112,7 +113,7 @@ class JobAttempt:
         return JobOutcome.DONE
 
     async def _failed(self, reason: str, *, retry: bool) -> JobOutcome:
-        reason = reason.replace(self._folder, "") if self._folder else reason
+        reason = without_folders(reason, (*([Path(self._folder)] if self._folder else []), *folders_of(self._settings)))
         after = await self._kept.catalogue.jobs.fail(self._job.id, self._owner, reason, retry=retry)
         if after is None:
             return self._released()
@@ -168,9 +169,11 @@ class JobAttempt:
         """Encode what the job names, unless the same was encoded before, and publish it."""
         catalogue, store = self._kept.catalogue, self._kept.store
         mesh = await catalogue.meshes.get(self._job.mesh_id)
+        if self._job.told is not None:  # which the mesh that it replaces is not told yet
+            mesh = replace(mesh, **self._job.told._asdict())
         suffix = PurePosixPath(self._job.source_key).suffix
         with tempfile.TemporaryDirectory(prefix="meshtide-job-") as folder:
-            self._folder = f"{folder}{os.sep}"
+            self._folder = folder
             source = Path(folder) / f"{mesh.id}{suffix}"
             stream: Path | bytes | None = None if suffix == TIDE_SUFFIX else await self._encoded_before(mesh)
             if stream is None:

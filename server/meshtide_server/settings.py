@@ -55,6 +55,10 @@ class Settings(BaseSettings):
     )
 
     directory: Path | None = Field(default=None, description="Folder of .tide files and mesh files to host.")
+    recursive: bool = Field(
+        default=False,
+        description="Host the folder's subfolders too: a mesh there has an id with its path, such as scans/bunny.",
+    )
     samples: bool = Field(default=False, description="Host the sample meshes that come with meshtide.")
     cache: Path | None = Field(
         default=None,

@@ -186,7 +186,7 @@ def test_a_stream_that_is_not_what_it_says_replaces_nothing(server: LiveServer, 
     assert put(real_stream(4))["state"] == "done"
     assert httpx.get(f"{server.url}/meshes/mine.tide").content == real_stream(4)
     box = httpx.get(f"{server.url}/meshes/mine").json()["box"]
-    assert np.array_equal(box["smallest"], decode(real_stream(4)).vertices.min(axis=0))
+    assert np.array_equal(box["minimum"], decode(real_stream(4)).vertices.min(axis=0))
 
 
 def test_a_file_that_is_no_mesh_fails_and_stops_nobody(server: LiveServer) -> None:

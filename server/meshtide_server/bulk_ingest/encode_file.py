@@ -82,7 +82,9 @@ Progress = Callable[[str, float], None]
 async def encode_file(
     task: FileTask, content: bytes | None = None, progress: Progress = lambda _stage, _fraction: None
 ) -> FileOutcome:
-    """Check a mesh file, read it, encode it; a stream is decoded, and returned as it is. Failures are returned, for what is raised on a cluster is lost in logs.
+    """Check a mesh file, read it, encode it; a stream is decoded, and returned as it is.
+
+    Failures are returned, for what is raised on a cluster is lost in logs.
 
     Args:
         task: what to do.
