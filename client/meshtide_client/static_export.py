@@ -104,7 +104,7 @@ async def export_static(
     collection.mkdir(parents=True, exist_ok=True)
     for item, target in zip(found, targets, strict=True):
         if is_mesh_path(item.place):
-            target.write(_encoded(Path(item.place), options))
+            target.write(_encoded(Path(item.place), options, notify))
         else:
             await _copy(item.place, target, link, limits, notify)
         told[item.identifier] = _Told(item.file, item.origin, item.mesh)
@@ -209,11 +209,16 @@ def _is_exportable(file: Path) -> bool:
     return not file.name.startswith(".") and (file.suffix.lower() == SUFFIX or is_mesh_path(file))
 
 
-def _encoded(path: Path, options: CompactOptions | ClassicOptions | None) -> bytes:
+def _encoded(path: Path, options: CompactOptions | ClassicOptions | None, notify: Callable[[str], None]) -> bytes:
     from meshtide_codec.encoder import encode  # noqa: PLC0415 - heavy
-    from meshtide_codec.mesh_files import load_mesh  # noqa: PLC0415 - the same
+    from meshtide_codec.mesh_files import load_scene, mesh_of  # noqa: PLC0415 - the same
+    from meshtide_codec.mesh_files.not_kept import notes_of_encoding  # noqa: PLC0415 - the same
 
-    return encode(load_mesh(path), options).to_bytes()
+    scene = load_scene(path)
+    loaded = mesh_of(scene, path)
+    for note in notes_of_encoding(scene, loaded):
+        notify(f"{shown(path.name)}: {shown(note)}")
+    return encode(loaded.mesh, options).to_bytes()
 
 
 async def _copy(url: str, target: OutputFile, link: Link, limits: Limits | None, notify: Callable[[str], None]) -> None:

@@ -98,7 +98,7 @@ def encode(
     from meshtide_codec.command_options import profile_options
     from meshtide_codec.encoder import encode as encode_mesh
     from meshtide_codec.mesh_files import load_scene, mesh_of
-    from meshtide_codec.mesh_files.not_kept import not_kept
+    from meshtide_codec.mesh_files.not_kept import notes_of_encoding
     from meshtide_codec.own_streams import check_same_mesh, stream_target
     from meshtide_codec.printable import shown
 
@@ -133,7 +133,7 @@ def encode(
         "unreferenced_vertices": loaded.unreferenced,
         "welded_vertices": encoded.quantized.welded_vertices,
         "dropped_faces": encoded.quantized.dropped_faces,
-        "notes": [*loaded.notes, *([left_out] if (left_out := not_kept(scene)) else [])],
+        "notes": notes_of_encoding(scene, loaded),
     }
     for note in report["notes"]:
         typer.echo(f"{shown(mesh.name)}: {shown(note)}", err=True)

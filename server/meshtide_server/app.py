@@ -13,6 +13,7 @@ from meshtide_server.access import Access
 from meshtide_server.job_runner import JobRunner
 from meshtide_server.library import Library
 from meshtide_server.limiting import Limiting
+from meshtide_server.methods import Methods, add_heads
 from meshtide_server.observation import Observation
 from meshtide_server.prepared_answers import prepared_answers
 from meshtide_server.problems import EVERYWHERE, handle_problems
@@ -35,6 +36,11 @@ Hosts triangle meshes as progressive streams: whole `.tide` files with ranges, a
 `/meshes/{id}/stream`, a websocket that sends a mesh level by level, only as fast as the client grants,
 and only what the client does not hold yet.
 """
+ROUTERS = tuple(
+    add_heads(each)
+    for each in (packets_router, router, tickets_router, ingest_router, catalogue_router, operations_router)
+)
+"""The longer addresses come first: an id may hold slashes."""
 EXPOSED_HEADERS = (
     "Accept-Ranges",
     "Content-Length",
@@ -101,12 +107,10 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.prepared = prepared_answers(settings)
     handle_problems(app)
     app.router.routes.insert(0, STREAM_ROUTE)
-    app.include_router(router)
-    app.include_router(packets_router)
-    app.include_router(tickets_router)
-    app.include_router(ingest_router)
-    app.include_router(catalogue_router)
-    app.include_router(operations_router)
+    for included in ROUTERS:
+        app.include_router(included)
+    app.state.routes = [*app.routes, *(route for included in ROUTERS for route in included.routes)]
+    app.add_middleware(Methods, routes=app.state.routes)
     app.add_middleware(Limiting, settings=settings)
     if settings.allowed_origins:
         app.add_middleware(

@@ -1,14 +1,12 @@
 """The protocols of uvicorn, with what this server needs of a connection besides.
 
 Over HTTP, answers that are ready are given without asking the application, and the application can cut a connection
-whose client does not read; a client that connects, or begins a request, has a deadline until its headers are whole, for
-connections that say nothing cost descriptors. Over a websocket, the application can send many frames at a time, which
-costs one write instead of one for each.
+whose client does not read. Over a websocket, the application can send many frames at a time, which costs one write
+instead of one for each. What reaches either of them has passed a gate (request_gate.py, frame_gate.py).
 """
 
 from __future__ import annotations
 
-import asyncio
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +19,7 @@ from meshtide_server import metrics
 from meshtide_server.logs import HEADER, accepted_id
 
 if TYPE_CHECKING:
+    import asyncio
     from collections.abc import Mapping, Sequence
 
     from websockets.http11 import Request
@@ -38,7 +37,6 @@ class HttpProtocol(HttpToolsProtocol):
 
     Args:
         prepared: answers that are ready.
-        hello_timeout: seconds until the headers of a request have to be there.
         arguments: of uvicorn's protocol.
     """
 
@@ -46,30 +44,20 @@ class HttpProtocol(HttpToolsProtocol):
         self,
         *arguments: Any,  # noqa: ANN401 - uvicorn's
         prepared: PreparedAnswers,
-        hello_timeout: float,
         **named: Any,  # noqa: ANN401 - uvicorn's
     ) -> None:
         super().__init__(*arguments, **named)
         self._prepared = prepared
-        self._hello_timeout = hello_timeout
-        self._deadline: asyncio.TimerHandle | None = None
         self._answered = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # uvicorn's signature
         """Called by the event loop."""
         self.app_state = {**self.app_state, "transport": transport}
         super().connection_made(transport)
-        self._watch()
 
-    def data_received(self, data: bytes) -> None:
-        """Called by the event loop."""
-        super().data_received(data)
-        self._watch()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Called by the event loop."""
-        self._forget()
-        super().connection_lost(exc)
+    def answering(self) -> bool:
+        """Whether an answer is being given."""
+        return self.cycle is not None and not self.cycle.response_complete
 
     def on_headers_complete(self) -> None:
         """Called by the parser: a request, without its body, is there."""
@@ -79,7 +67,6 @@ class HttpProtocol(HttpToolsProtocol):
             super().on_headers_complete()
             return
         self._answered = True
-        self._forget()
         chosen = next((value for name, value in self.headers if name == HEADER), None)
         lines = [answer.head]
         for name, value in self.server_state.default_headers:
@@ -96,32 +83,9 @@ class HttpProtocol(HttpToolsProtocol):
         else:
             super().on_message_complete()
 
-    def _watch(self) -> None:
-        """Set the deadline when a request may begin, lift it when it has; bytes one by one do not move it."""
-        if not self._awaits_request():
-            self._forget()
-        elif self._deadline is None:
-            self._deadline = asyncio.get_running_loop().call_later(self._hello_timeout, self._expire)
-
-    def _awaits_request(self) -> bool:
-        if self.transport.is_closing() or self.transport.get_protocol() is not self:  # closed, or a websocket by now
-            return False
-        return self.cycle is None or self.cycle.response_complete
-
-    def _expire(self) -> None:
-        self._deadline = None
-        if self._awaits_request():
-            self.transport.abort()
-
-    def _forget(self) -> None:
-        if self._deadline is not None:
-            self._deadline.cancel()
-            self._deadline = None
-
     def _ready_answer(self) -> PreparedAnswer | None:
         """The answer to the request that was parsed, if it is ready and its turn has come."""
-        busy = self.cycle is not None and not self.cycle.response_complete
-        if busy or self.pipeline or self.flow.write_paused or self.parser.get_method() != b"GET":
+        if self.answering() or self.pipeline or self.flow.write_paused or self.parser.get_method() != b"GET":
             return None
         return self._prepared.find(self.url, self.headers) if self.parser.get_http_version() == "1.1" else None
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from asyncio.subprocess import Process
     from collections.abc import Callable
 
-    from meshtide_codec.limits import FileLimits
+    from meshtide_codec.limits import FileLimits, Limits
     from meshtide_server.encoding_options import EncodingOptions
 
 logger = logging.getLogger("meshtide.server")
@@ -66,7 +66,7 @@ class ProcessLimits:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A mesh to be encoded.
+    """A mesh to be encoded, or a stream to be checked.
 
     Args:
         file: the mesh file, or None for a sample.
@@ -75,6 +75,7 @@ class Job:
         options: how to encode.
         targets: where to store the stream; the first that takes it.
         limits: what the file may claim if a stranger sent it; None for one of the server's own.
+        stream_limits: the same of a file that is a stream already, which is only decoded; None for the usual ones.
     """
 
     file: Path | None
@@ -83,6 +84,7 @@ class Job:
     options: EncodingOptions
     targets: tuple[Path, ...]
     limits: FileLimits | None = None
+    stream_limits: Limits | None = None
 
     def line(self) -> bytes:
         """The job as the process reads it."""
@@ -93,6 +95,7 @@ class Job:
             "options": self.options.plain(),
             "targets": [str(target) for target in self.targets],
             "limits": asdict(self.limits) if self.limits else None,
+            "stream_limits": asdict(self.stream_limits) if self.stream_limits else None,
         }
         return json.dumps(fields).encode() + b"\n"
 
@@ -106,12 +109,14 @@ class Encoded:
         data: the stream in that case.
         problems: why targets did not take it.
         box: that holds its finest level.
+        notes: what of the file is not in it, or was read otherwise than it stands there.
     """
 
     path: Path | None
     data: bytes
     problems: tuple[str, ...]
     box: Box | None = None
+    notes: tuple[str, ...] = ()
 
 
 class EncoderProcess:
@@ -198,7 +203,8 @@ class EncoderProcess:
                 data = await process.stdout.readexactly(event["bytes"])
                 path = Path(event["path"]) if event["path"] else None
                 (x0, y0, z0), (x1, y1, z1) = event["box"]
-                return Encoded(path, data, tuple(event["problems"]), Box((x0, y0, z0), (x1, y1, z1)))
+                box = Box((x0, y0, z0), (x1, y1, z1))
+                return Encoded(path, data, tuple(event["problems"]), box, tuple(event["notes"]))
 
     @staticmethod
     async def _next_event(output: asyncio.StreamReader) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """The encoder's process: takes jobs from standard input, encodes, and reports on standard output.
 
+A file that is a stream already is decoded to its end instead, and given back as it is.
+
 It is a process of its own because encoding keeps a processor busy for seconds and compiles kernels, while the server
 has to answer; because it can be ended at any time; and because a mesh that brings it down brings nothing else down.
 Run by `encoder_process` as `python -m meshtide_server.encoding BYTES SECONDS`: BYTES of data are all that it may have,
@@ -10,6 +12,7 @@ is followed by its bytes.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -28,6 +31,7 @@ REPORT_SECONDS = 0.1
 """Progress is reported at most this often, unless a stage begins."""
 NICENESS = 10
 """How far encoding steps back behind serving where processors are scarce."""
+STREAM_SUFFIX = ".tide"
 LONGEST_REASON = 2000
 """Characters of a reason for a failure; a library's message may quote all of a file."""
 
@@ -103,7 +107,8 @@ def limit_processor_time(seconds: int) -> None:
 
 def _work(job: dict[str, Any], reporter: Reporter) -> None:
     try:
-        data, box = _encode(job, reporter)
+        notes: list[str] = []
+        data, box = _encode(job, reporter, notes)
         path, problems = _store(data, [Path(target) for target in job["targets"]])
     except BrokenPipeError:
         raise
@@ -112,31 +117,53 @@ def _work(job: dict[str, Any], reporter: Reporter) -> None:
         return
     rest = b"" if path else data
     place = str(path) if path else None
-    reporter.send({"event": "done", "path": place, "problems": problems, "box": box, "bytes": len(rest)}, rest)
+    done = {"event": "done", "path": place, "problems": problems, "box": box, "notes": notes, "bytes": len(rest)}
+    reporter.send(done, rest)
 
 
-def _encode(job: dict[str, Any], reporter: Reporter) -> tuple[bytes, list[list[float]]]:
-    """The stream, and the smallest and largest coordinates of its finest level."""
+def _encode(job: dict[str, Any], reporter: Reporter, notes: list[str]) -> tuple[bytes, list[list[float]]]:
+    """The stream, and the smallest and largest coordinates of its finest level; notes tell what was left out."""
     reporter.progress("load the encoder", 0.0)
     from meshtide_codec.command_options import profile_options  # noqa: PLC0415 - heavy, only of use in this process
     from meshtide_codec.compilation import announced_compilation  # noqa: PLC0415 - the same
     from meshtide_codec.encoder import encode  # noqa: PLC0415 - the same
     from meshtide_server.encoding_options import PROFILE_OF_EFFORTS, EncodingOptions  # noqa: PLC0415 - the same
 
+    if job["file"] is not None and Path(job["file"]).suffix.lower() == STREAM_SUFFIX:
+        return _check(job, reporter)
     reporter.progress("read the mesh", 0.0)
-    mesh = _load(job)
+    mesh = _load(job, notes)
     with announced_compilation(lambda: reporter.progress("compile kernels, first run only", 0.0)):
         chosen = EncodingOptions.from_plain(job["options"])
         effort = chosen.effort if chosen.profile == PROFILE_OF_EFFORTS else None
         options = profile_options(chosen.profile, chosen.bits, {"effort": effort}, {})
         encoded = encode(mesh, options, progress=reporter.progress)
-        vertices = encoded.quantized.mesh().vertices
-        return encoded.to_bytes(), [vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()]
+        return encoded.to_bytes(), _box_of(encoded.quantized.mesh())
 
 
-def _load(job: dict[str, Any]) -> Mesh:
+def _check(job: dict[str, Any], reporter: Reporter) -> tuple[bytes, list[list[float]]]:
+    """The same of a file that is a stream already, once it is known to be a right one."""
+    from meshtide_codec.errors import MeshFileError  # noqa: PLC0415 - with the rest of the codec
+    from meshtide_codec.limits import Limits  # noqa: PLC0415 - the same
+    from meshtide_server.stream_check import STAGE, check_stream  # noqa: PLC0415 - the same
+
+    reporter.progress(STAGE, 0.0)
+    path = Path(job["file"])
+    data = path.read_bytes()
+    if hashlib.sha256(data).hexdigest() != job["digest"]:
+        raise MeshFileError(f"{path.name} was changed while it was read")
+    limits = Limits(**job["stream_limits"]) if job["stream_limits"] is not None else None
+    return data, _box_of(check_stream(data, limits or Limits(), reporter.progress))
+
+
+def _box_of(mesh: Mesh) -> list[list[float]]:
+    return [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()]
+
+
+def _load(job: dict[str, Any], notes: list[str]) -> Mesh:
     from meshtide_codec.errors import MeshError, MeshFileError  # noqa: PLC0415 - with the rest of the codec
     from meshtide_codec.limits import FileLimits  # noqa: PLC0415 - the same
+    from meshtide_codec.mesh_files.not_kept import notes_of_encoding  # noqa: PLC0415 - the same
     from meshtide_codec.mesh_files.read import mesh_of, read_source  # noqa: PLC0415 - the same
     from meshtide_codec.mesh_files.source import open_source  # noqa: PLC0415 - the same
     from meshtide_codec.samples import load_sample  # noqa: PLC0415 - the same
@@ -151,10 +178,11 @@ def _load(job: dict[str, Any]) -> Mesh:
         scene = read_source(open_source(path, limits, alone=stranger), limits)
     except MeshError as error:
         raise type(error)(f"{path.name} cannot be read as a mesh: {error}") from error
-    mesh = mesh_of(scene, path.name).mesh
+    loaded = mesh_of(scene, path.name)
+    notes += notes_of_encoding(scene, loaded)
     if file_digest(path) != job["digest"]:
         raise MeshFileError(f"{path.name} was changed while it was read")
-    return mesh
+    return loaded.mesh
 
 
 def _store(data: bytes, targets: list[Path]) -> tuple[Path | None, list[str]]:

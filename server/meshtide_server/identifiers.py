@@ -1,7 +1,8 @@
 """Mesh ids: URL-safe names made from file names, each used once.
 
-An id holds nothing but a-z, 0-9, hyphen and underscore, so it is one path segment in every URL and can never name
-a file by itself: ids are looked up in a table, not on the disk.
+A name holds nothing but a-z, 0-9, hyphen and underscore. An id is such a name, one path segment in every URL; of a mesh
+in a subfolder, it is the names of the folders and its own, with slashes between. It can never name a file by itself:
+ids are looked up in a table, not on the disk.
 """
 
 from __future__ import annotations
@@ -11,9 +12,14 @@ import unicodedata
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Container
+    from collections.abc import Container, Sequence
 
 LONGEST_ID = 100
+"""Letters of a name; one that had to be told from others has a few more."""
+LONGEST_FOLDERS = 90
+"""Letters of all folders of an id together: with its name, it keeps to the 200 that the wire protocol knows."""
+_ADDRESSES = frozenset({"header", "stream"})
+"""What may stand behind an id in an address, and so at the end of no id with slashes."""
 _ID = re.compile(r"[a-z0-9_][a-z0-9_-]{0,127}", re.ASCII)
 _FOREIGN = re.compile(r"[^a-z0-9_]+")
 
@@ -53,3 +59,27 @@ def unique_id(stem: str, suffix: str, taken: Container[str]) -> str:
         number += 1
         candidate = f"{second}-{number}"
     return candidate
+
+
+def path_id(folders: Sequence[str], stem: str, suffix: str, taken: Container[str]) -> str:
+    """An id for the file `stem` + `suffix` in subfolders that is not in `taken`.
+
+    >>> path_id(["My Scans", "2024"], "Bunny", ".ply", {}), path_id(["a"], "header", ".obj", {})
+    ('my-scans/2024/bunny', 'a/header-obj')
+    """
+    if not folders:
+        return unique_id(stem, suffix, taken)
+    width = max(LONGEST_FOLDERS // len(folders) - 1, 1)
+    prefix = "/".join(slug(folder, width) for folder in folders)
+    return f"{prefix}/{unique_id(stem, suffix, _Below(prefix, taken))}"
+
+
+class _Below:
+    """The names that are taken in a folder."""
+
+    def __init__(self, prefix: str, taken: Container[str]) -> None:
+        self._prefix = prefix
+        self._taken = taken
+
+    def __contains__(self, name: object) -> bool:
+        return name in _ADDRESSES or f"{self._prefix}/{name}" in self._taken

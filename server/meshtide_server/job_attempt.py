@@ -10,20 +10,21 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 import tempfile
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshtideError
-from meshtide_codec.limits import Limits
+from meshtide_codec.printable import printable
 from meshtide_server import metrics
 from meshtide_server.catalogue import DatabaseUnavailableError, JobState, MeshState, UnknownJobError, UnknownMeshError
 from meshtide_server.encoder_process import EncodingFailedError
 from meshtide_server.encoder_process import Job as EncoderJob
 from meshtide_server.encoding_options import EncodingOptions
+from meshtide_server.file_names import folders_of, without_folders
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.metrics import JobOutcome
 from meshtide_server.publishing import Publication, publish
@@ -112,7 +113,7 @@ class JobAttempt:
         return JobOutcome.DONE
 
     async def _failed(self, reason: str, *, retry: bool) -> JobOutcome:
-        reason = reason.replace(self._folder, "") if self._folder else reason
+        reason = without_folders(reason, (*([Path(self._folder)] if self._folder else []), *folders_of(self._settings)))
         after = await self._kept.catalogue.jobs.fail(self._job.id, self._owner, reason, retry=retry)
         if after is None:
             return self._released()
@@ -168,24 +169,21 @@ class JobAttempt:
         """Encode what the job names, unless the same was encoded before, and publish it."""
         catalogue, store = self._kept.catalogue, self._kept.store
         mesh = await catalogue.meshes.get(self._job.mesh_id)
+        if self._job.told is not None:  # which the mesh that it replaces is not told yet
+            mesh = replace(mesh, **self._job.told._asdict())
         suffix = PurePosixPath(self._job.source_key).suffix
         with tempfile.TemporaryDirectory(prefix="meshtide-job-") as folder:
-            self._folder = f"{folder}{os.sep}"
+            self._folder = folder
             source = Path(folder) / f"{mesh.id}{suffix}"
             stream: Path | bytes | None = None if suffix == TIDE_SUFFIX else await self._encoded_before(mesh)
             if stream is None:
                 self._stage = ("read the upload", 0.0)
                 await self._fetch(source)
-                stream = source if suffix == TIDE_SUFFIX else await self._encoded(encoder, source)
+                stream = await self._encoded(encoder, source)
             self._stage = ("publish", 0.0)
             publication = Publication(mesh.id, mesh.name, mesh.tags, mesh.licence, mesh.source, self._box)
-            limits = Limits(
-                vertices=self._settings.max_vertices,
-                faces=self._settings.max_faces,
-                memory=self._settings.max_decode_memory,
-            )
             owned = (self._job.id, self._owner)
-            shown = await publish(store, catalogue, stream, publication, limits=limits, job=owned)
+            shown = await publish(store, catalogue, stream, publication, limits=self._settings.stream_limits, job=owned)
             logger.info(
                 "%s is ready: %d vertices, %d faces, %d bytes", mesh.id, shown.vertices, shown.faces, shown.size
             )
@@ -218,11 +216,15 @@ class JobAttempt:
         return await self._kept.store.get(stream_key(twin.stream))
 
     async def _encoded(self, encoder: EncoderProcess, source: Path) -> Path:
-        """The stream of the upload, as a file beside it."""
-        target = source.with_suffix(TIDE_SUFFIX)
+        """The stream of the upload, as a file in a folder beside it: encoded, or decoded to its end and found right."""
+        target = source.parent / "stream" / source.with_suffix(TIDE_SUFFIX).name
         digest = await asyncio.to_thread(file_digest, source)
-        job = EncoderJob(source, None, digest, self._options, (target,), self._settings.file_limits)
+        settings = self._settings
+        limits = (settings.file_limits, settings.stream_limits)
+        job = EncoderJob(source, None, digest, self._options, (target,), *limits)
         encoded = await encoder.encode(job, self._advance)
+        for note in encoded.notes:
+            logger.info("%s: %s", self._job.mesh_id, printable(note))
         self._box = encoded.box
         return target
 

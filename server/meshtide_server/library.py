@@ -17,20 +17,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from meshtide_codec.errors import MeshtideError
-from meshtide_codec.mesh_files import is_mesh_path
-from meshtide_codec.printable import listed_name
+from meshtide_codec.printable import printable
 from meshtide_codec.samples import sample_names
 from meshtide_server import metrics
 from meshtide_server.block_cache import BlockCache
 from meshtide_server.catalogue import Catalogue
 from meshtide_server.encoder_process import EncoderProcess, Job
-from meshtide_server.hosted_mesh import TIDE_SUFFIX, HostedMesh, Source, Status
+from meshtide_server.file_names import folders_of, without_folders
+from meshtide_server.folder_listing import list_sources
+from meshtide_server.hosted_mesh import HostedMesh, Source, Status
 from meshtide_server.hosted_stream import HostedStream, StoppedError, load_stream
-from meshtide_server.identifiers import LONGEST_ID, slug, unique_id
+from meshtide_server.identifiers import LONGEST_ID, path_id, slug, unique_id
 from meshtide_server.kept_meshes import KeptMeshes
 from meshtide_server.packet_index import PacketIndex, PacketPlace
 from meshtide_server.publishing import collect_unused
-from meshtide_server.storage import FileIdentity, FileStorage, MemoryStorage, Storage
+from meshtide_server.storage import FileStorage, MemoryStorage, Storage
 from meshtide_server.store import open_store
 from meshtide_server.stream_cache import (
     CachePlace,
@@ -42,7 +43,7 @@ from meshtide_server.stream_cache import (
 from meshtide_server.uploads import collect_orphans
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from meshtide_server.searching import Search
     from meshtide_server.settings import Settings
@@ -81,6 +82,7 @@ class Library:
         """Whether everything that was found at the start has been looked at: what is ready then can be served."""
         self._tasks: list[asyncio.Task[None]] = []
         self._encoder = EncoderProcess()
+        self._hidden = folders_of(settings)
         self._stopping = False
         self._scratch = ExitStack()
         self._folders: dict[Path | None, tuple[Path, ...]] = {}
@@ -178,13 +180,18 @@ class Library:
         await self._settled.wait()
 
     def _add(self, source: Source, identifier: str | None = None) -> None:
-        stem, suffix = (source.path.stem, source.path.suffix) if source.path else (source.name, "-sample")
-        mesh = HostedMesh(identifier or unique_id(stem, suffix, self._meshes), source)
+        mesh = HostedMesh(identifier or self._new_id(source), source)
         self._meshes[mesh.id] = mesh
         self._packets.remove(mesh.id)
         self._unfinished += 1
         self._settled.clear()
         self._to_check.put_nowait(mesh)
+
+    def _new_id(self, source: Source) -> str:
+        path, directory = source.path, self._settings.directory
+        if path is None or directory is None:
+            return unique_id(source.name, "-sample", self._meshes)
+        return path_id(path.relative_to(directory).parts[:-1], path.stem, path.suffix, self._meshes)
 
     def _note_if_settled(self) -> None:
         if self._unfinished == 0:
@@ -205,7 +212,7 @@ class Library:
                 outcome.size,
             )
         else:
-            mesh.fail(outcome)
+            mesh.fail(without_folders(outcome, self._hidden))
             logger.error("%s cannot be served: %s", mesh.id, outcome)
         self._unfinished -= 1
         self._note_if_settled()
@@ -266,31 +273,24 @@ class Library:
         directory = self._settings.directory
         if directory is None:
             return
-        found = await asyncio.to_thread(_list_sources, directory)
-        if settle and any(self._is_news(source) for source in found):
+        recursive = self._settings.recursive
+        found = await asyncio.to_thread(list_sources, directory, recursive=recursive)
+        known = {mesh.source.path: mesh for mesh in self._meshes.values()}
+        if settle and any(_is_news(source, known) for source in found):
             await asyncio.sleep(min(1.0, self._settings.rescan_seconds))
             before = {source.path: source.identity for source in found}
-            again = await asyncio.to_thread(_list_sources, directory)
+            again = await asyncio.to_thread(list_sources, directory, recursive=recursive)
             growing = {source.path for source in again if before.get(source.path) != source.identity}
         else:
             again, growing = found, set()
-        known = {mesh.source.path: mesh for mesh in self._meshes.values()}
         for path in known.keys() - {source.path for source in again} - {None}:
             logger.info("%s is gone", known[path].id)
             del self._meshes[known[path].id]
             self._packets.remove(known[path].id)
         for source in again:
-            if source.path not in growing and self._is_news(source):
+            if source.path not in growing and _is_news(source, known):
                 mesh = known.get(source.path)
                 self._add(source, mesh.id if mesh else None)
-
-    def _is_news(self, source: Source) -> bool:
-        """Whether a file is new or changed, or the stream that was made of it is gone."""
-        for mesh in self._meshes.values():
-            if mesh.source.path == source.path:
-                lost = mesh.stream is not None and not mesh.stream.storage.unchanged()
-                return mesh.source.identity != source.identity or lost
-        return True
 
     # Checking streams
 
@@ -321,7 +321,7 @@ class Library:
 
     def _cache_place(self, source: Source) -> tuple[CachePlace, str]:
         digest = file_digest(source.path, lambda: self._stopping) if source.path else f"sample {source.name}"
-        directory = source.path.parent if source.path else None
+        directory = self._settings.directory if source.path else None
         if directory not in self._folders:
             self._folders[directory] = cache_folders(directory, self._settings.cache, self._make_scratch)
         place = CachePlace(
@@ -370,6 +370,8 @@ class Library:
         started = time.monotonic()
         encoded = await self._encoder.encode(job, _ProgressLog(mesh))
         logger.info("%s was encoded in %.1f s", mesh.id, time.monotonic() - started)
+        for note in encoded.notes:
+            logger.info("%s: %s", mesh.id, printable(note))
         for problem in encoded.problems:
             logger.warning("the stream of %s cannot be stored in %s", mesh.id, problem)
         if encoded.path is None:
@@ -395,14 +397,10 @@ class _ProgressLog:
         self._mesh.advance(stage, fraction)
 
 
-def _list_sources(directory: Path) -> list[Source]:
-    """The streams and meshes in a folder, streams first, in the order of their names; hidden files are left out."""
-    sources = []
-    for path in directory.iterdir():
-        is_stream = path.suffix.lower() == TIDE_SUFFIX
-        if path.name.startswith(".") or not (is_stream or is_mesh_path(path)):
-            continue
-        with suppress(OSError):  # it may vanish while we look
-            if path.is_file():
-                sources.append(Source(listed_name(path), path, FileIdentity.of(path.stat())))
-    return sorted(sources, key=lambda source: (not source.is_stream, source.name))
+def _is_news(source: Source, known: Mapping[Path | None, HostedMesh]) -> bool:
+    """Whether a file is new or changed, or the stream that was made of it is gone."""
+    mesh = known.get(source.path)
+    if mesh is None:
+        return True
+    lost = mesh.stream is not None and not mesh.stream.storage.unchanged()
+    return mesh.source.identity != source.identity or lost

@@ -71,12 +71,12 @@ class Observation:
         if holds is None or not self._prepared.enabled or not answer.is_whole or scope["method"] != "GET":
             return
         if not scope["query_string"] and plain(scope["headers"]):
-            template = getattr(scope.get("route"), "path", metrics.UNMATCHED)
+            template = getattr(scope.get("route"), "path_format", metrics.UNMATCHED)
             self._prepared.keep(scope["raw_path"], answer.headers, b"".join(answer.parts), template, holds)
 
     def _note(self, scope: Scope, answer: _Answer) -> None:
         seconds = time.perf_counter() - answer.started
-        template = getattr(scope.get("route"), "path", None)
+        template = getattr(scope.get("route"), "path_format", None)
         method = scope.get("method", "WEBSOCKET")
         if scope["type"] == "http" and answer.status:  # 0: the client left before there was an answer
             metrics.request_answered(method, template, answer.status, seconds, answer.size)

@@ -12,6 +12,7 @@ from starlette.exceptions import HTTPException
 
 from meshtide_codec.errors import MeshtideError
 from meshtide_server.catalogue import CatalogueError, DatabaseUnavailableError
+from meshtide_server.methods import allowed_methods
 from meshtide_server.models import Problem
 from meshtide_server.store import DamagedObjectError, StoreError
 
@@ -26,7 +27,11 @@ EVERYWHERE: dict[int | str, dict[str, Any]] = {
     429: {"model": Problem, "description": "Too many connections or writes; Retry-After says when to come again."},
 }
 """Refusals that every route may answer with."""
-_CODES = {HTTPStatus.NOT_FOUND: "not-found", HTTPStatus.METHOD_NOT_ALLOWED: "method-not-allowed"}
+_CODES = {
+    HTTPStatus.NOT_FOUND: "not-found",
+    HTTPStatus.METHOD_NOT_ALLOWED: "method-not-allowed",
+    HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "too-large",
+}
 
 
 class RefusedError(MeshtideError):
@@ -92,7 +97,10 @@ def handle_problems(app: FastAPI) -> None:
             HTTPStatus.NOT_FOUND: "there is nothing at this address; GET / tells where everything is",
             HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not for this address; /docs tells what is",
         }.get(status, str(error.detail))
-        return problem_response(status, _CODES.get(status, "http-error"), message, dict(error.headers or {}))
+        headers = dict(error.headers or {})
+        if status == HTTPStatus.METHOD_NOT_ALLOWED:
+            headers["Allow"] = ", ".join(allowed_methods(request.app.state.routes, request.url.path))
+        return problem_response(status, _CODES.get(status, "http-error"), message, headers)
 
     async def invalid(_: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)  # noqa: S101 - it is registered for no other

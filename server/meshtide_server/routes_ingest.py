@@ -244,12 +244,13 @@ async def job_status(request: Request, job_id: JobId) -> JobStatus:
     },
     dependencies=[Depends(require_read)],
 )
-async def job_events(request: Request, job_id: JobId) -> StreamingResponse:
+async def job_events(request: Request, job_id: JobId) -> Response:
     """Server-sent events: the state of a job whenever it changes, until it is done or has failed."""
     first = await _job(request, job_id)
-    return StreamingResponse(
-        _events(request, first), media_type="text/event-stream", headers={"Cache-Control": "no-cache"}
-    )
+    headers = {"Cache-Control": "no-cache"}
+    if request.method == "HEAD":  # which does not wait for what it is not told
+        return StreamingResponse(iter(()), media_type="text/event-stream", headers=headers)
+    return StreamingResponse(_events(request, first), media_type="text/event-stream", headers=headers)
 
 
 async def _events(request: Request, job: Job) -> AsyncIterator[str]:

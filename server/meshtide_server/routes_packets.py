@@ -31,13 +31,13 @@ Digest = Annotated[
 
 
 @router.api_route(
-    "/meshes/{mesh_id}/header",
+    "/meshes/{mesh_id:mesh}/header",
     methods=["GET"],
     response_class=Response,
     responses=FILE_RESPONSES,
     summary="The header of a stream",
 )
-@router.api_route("/meshes/{mesh_id}/header", methods=["HEAD"], response_class=Response, include_in_schema=False)
+@router.api_route("/meshes/{mesh_id:mesh}/header", methods=["HEAD"], response_class=Response, include_in_schema=False)
 async def header(request: Request, mesh_id: MeshId) -> Response:
     """The header of a mesh's stream as it stands in the `.tide` file: levels, and the table of packets."""
     _, stream = await find_stream(_library(request), mesh_id)

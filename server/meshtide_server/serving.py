@@ -15,8 +15,7 @@ import socket
 import sys
 import time
 from contextlib import suppress
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import uvicorn
 
@@ -25,6 +24,9 @@ from meshtide_codec.output_files import write_atomically
 from meshtide_server import metrics
 from meshtide_server.app import create_app
 from meshtide_server.connections import HttpProtocol, WebSocketProtocol
+from meshtide_server.frame_gate import FrameGate
+from meshtide_server.request_framing import HeadLimits
+from meshtide_server.request_gate import RequestGate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -161,15 +163,26 @@ def run(settings: Settings, *, announce: bool = False, ready_file: Path | None =
 
 def configuration(app: FastAPI, settings: Settings) -> uvicorn.Config:
     """How uvicorn runs `app`."""
+    limits = HeadLimits(settings.max_request_line, settings.max_head, settings.max_headers)
+
+    def http_protocol(**arguments: Any) -> RequestGate:  # noqa: ANN401 - uvicorn's
+        protocol = HttpProtocol(prepared=app.state.prepared, **arguments)
+        return RequestGate(protocol, limits, settings.hello_timeout, protocol.answering)
+
+    def websocket_protocol(**arguments: Any) -> FrameGate:  # noqa: ANN401 - uvicorn's
+        return FrameGate(
+            WebSocketProtocol(**arguments),
+            frames=settings.frames_per_second,
+            control_frames=settings.control_frames_per_second,
+        )
+
     return uvicorn.Config(
         app,
         lifespan="on",
-        http=partial(  # type: ignore[arg-type] # called like a class
-            HttpProtocol, prepared=app.state.prepared, hello_timeout=settings.hello_timeout
-        ),
+        http=http_protocol,  # type: ignore[arg-type] # called like a class
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=list(settings.trusted_proxies),
-        ws=WebSocketProtocol,
+        ws=websocket_protocol,  # type: ignore[arg-type] # the same
         ws_max_size=settings.max_message,
         ws_per_message_deflate=False,  # packets are compressed already
         ws_ping_interval=PING_SECONDS,

@@ -17,7 +17,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshtide_codec.compact.effort import Effort
 from meshtide_codec.errors import OptionError
-from meshtide_codec.limits import FileLimits
+from meshtide_codec.limits import FileLimits, Limits
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_server.encoding_options import EncodingOptions
@@ -55,6 +55,10 @@ class Settings(BaseSettings):
     )
 
     directory: Path | None = Field(default=None, description="Folder of .tide files and mesh files to host.")
+    recursive: bool = Field(
+        default=False,
+        description="Host the folder's subfolders too: a mesh there has an id with its path, such as scans/bunny.",
+    )
     samples: bool = Field(default=False, description="Host the sample meshes that come with meshtide.")
     cache: Path | None = Field(
         default=None,
@@ -189,6 +193,19 @@ class Settings(BaseSettings):
     max_message: int = Field(
         default=LARGEST_MESSAGE, ge=1024, le=LARGEST_MESSAGE, description="Largest frame a client may send, in bytes."
     )
+    max_request_line: int = Field(
+        default=1 << 16, ge=1024, le=1 << 20, description="Bytes of a request's first line, which holds its address."
+    )
+    max_head: int = Field(
+        default=1 << 17, ge=2048, le=1 << 22, description="Bytes of a request's first line and headers together."
+    )
+    max_headers: int = Field(default=100, ge=10, le=10_000, description="Headers of a request.")
+    frames_per_second: int = Field(
+        default=1000, ge=10, description="Frames of one websocket that are worked off in a second; more wait."
+    )
+    control_frames_per_second: int = Field(
+        default=20, ge=1, description="Pings and pongs of one websocket in a second; more end it."
+    )
     log_level: LogLevel = Field(default="info", description="How much is logged: debug, info, warning or error.")
     log_format: LogFormat = Field(
         default="text", description="How: text for people, or json, one object a line, for programs."
@@ -276,6 +293,11 @@ class Settings(BaseSettings):
     def encoding(self) -> EncodingOptions:
         """How meshes are encoded of which nothing else is said."""
         return EncodingOptions(self.bits, self.profile, self.effort)
+
+    @property
+    def stream_limits(self) -> Limits:
+        """What a stream may hold that others have encoded."""
+        return Limits(vertices=self.max_vertices, faces=self.max_faces, memory=self.max_decode_memory)
 
     @property
     def encoder_processes(self) -> int:

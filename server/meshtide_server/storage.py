@@ -166,10 +166,10 @@ class FileStorage:
         try:
             file = OpenFile(self.path)
         except OSError as error:
-            raise StreamError(f"{self.path} can no longer be opened: {error.strerror or error}") from error
+            raise StreamError(f"{self.path.name} can no longer be opened: {error.strerror or error}") from error
         if file.identity != self.identity:
             file.close()
-            raise StreamError(f"{self.path} has changed since it was checked; try again in a moment")
+            raise StreamError(f"{self.path.name} has changed since it was checked; try again in a moment")
         return file
 
     def unchanged(self) -> bool:

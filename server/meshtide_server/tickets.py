@@ -2,8 +2,9 @@
 
 A ticket is its expiry and a random number, signed (HMAC-SHA-256) with a key that is made of the read tokens: every
 server process of one site accepts it, wherever it was issued. Each process remembers the tickets that it has taken
-until they expire, so that none opens two streams there; that a ticket seen on its way is worth nothing elsewhere either
-follows from its life of seconds. No sockets and no clock of its own (Sans-I/O).
+until each of them expires, as long as whoever issued it has given it, so that none opens two streams there; that a
+ticket seen on its way is worth nothing elsewhere either follows from its life of seconds. No sockets and no clock of
+its own (Sans-I/O). Time never goes back here: a clock that does makes no ticket good again that had expired.
 
 ===========  =====  ==============================================
 bytes        type   content
@@ -22,7 +23,7 @@ import hashlib
 import hmac
 import secrets
 import struct
-from collections import deque
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 _EXPIRY = struct.Struct(">Q")
 _RANDOM_BYTES = 16
 _SIGNED_BYTES = _EXPIRY.size + _RANDOM_BYTES
+LONGEST_LIFE = 2 * 3600.0
+"""Seconds: the longest that `ticket_seconds` may be set to, and as much for servers' clocks that do not agree."""
 _TICKET_LETTERS = 75
 """56 bytes in base64 without padding."""
 MOST_REMEMBERED = 100_000
@@ -56,11 +59,13 @@ class TicketOffice:
         self._clock = clock
         self._most = most
         self._taken: set[bytes] = set()
-        self._order: deque[tuple[float, bytes]] = deque()
+        self._order: list[tuple[float, bytes]] = []
+        """Those that were taken, as a heap: the one that expires first comes first."""
+        self._latest = 0.0
 
     def issue(self) -> str:
         """A new ticket."""
-        expiry = int(1000 * (self._clock() + self._seconds))
+        expiry = int(1000 * (self._now() + self._seconds))
         signed = _EXPIRY.pack(expiry) + secrets.token_bytes(_RANDOM_BYTES)
         return base64.urlsafe_b64encode(signed + self._signature(signed)).decode().rstrip("=")
 
@@ -75,22 +80,26 @@ class TicketOffice:
         signed = data[:_SIGNED_BYTES]
         if not hmac.compare_digest(self._signature(signed), data[_SIGNED_BYTES:]):
             return False
-        now = self._clock()
+        now = self._now()
         self._forget(now)
         expiry = _EXPIRY.unpack_from(signed)[0] / 1000
-        if expiry <= now or signed in self._taken or len(self._taken) >= self._most:
+        if not now < expiry <= now + LONGEST_LIFE or signed in self._taken or len(self._taken) >= self._most:
             return False
         self._taken.add(signed)
-        self._order.append((now + self._seconds, signed))
+        heappush(self._order, (expiry, signed))
         return True
 
     def __repr__(self) -> str:
         return f"TicketOffice({len(self._taken)} taken)"
 
+    def _now(self) -> float:
+        self._latest = max(self._latest, self._clock())
+        return self._latest
+
     def _signature(self, signed: bytes) -> bytes:
         return hmac.digest(self._key, signed, hashlib.sha256)
 
     def _forget(self, now: float) -> None:
-        """Let go of tickets that have expired by themselves: each is remembered for a whole life from its taking."""
+        """Let go of tickets that have expired, and are good for nothing even if they are shown again."""
         while self._order and self._order[0][0] <= now:
-            self._taken.discard(self._order.popleft()[1])
+            self._taken.discard(heappop(self._order)[1])

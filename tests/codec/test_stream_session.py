@@ -181,6 +181,16 @@ def hello(**changes: object) -> bytes:
     return encode_message(Hello(**(values | changes)))  # type: ignore[arg-type]
 
 
+def test_the_server_refuses_a_credit_that_grants_nothing() -> None:
+    server = ServerSession("mesh", STREAM)
+    server.receive(hello(credit=0))
+    assert server.next_frame() is None
+    with pytest.raises(ProtocolError, match="a credit of 0 bytes"):
+        server.receive(encode_message(Credit(0)))
+    server.receive(encode_message(Credit(1)))
+    assert server.next_frame() is not None
+
+
 def test_the_server_refuses_what_is_out_of_turn() -> None:
     server = ServerSession("mesh", STREAM)
     with pytest.raises(ProtocolError, match="Credit is not expected"):

@@ -7,6 +7,7 @@ import threading
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Any
 
@@ -24,10 +25,10 @@ from .databases import catalogue, database_url, postgresql  # noqa: F401 - fixtu
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Iterator
-    from pathlib import Path
 
     from fastapi import FastAPI
 
+GOLDEN = Path(__file__).parents[1] / "golden" / "version-3"
 TETRAHEDRON = """\
 v 0 0 0
 v 1 0 0
@@ -69,6 +70,11 @@ def make_stream(seed: int = 0, payloads: tuple[int, ...] = (400, 30, 40, 2000, 5
         packets=table,
     )
     return write_container(header, encoded)
+
+
+def real_stream(number: int) -> bytes:
+    """A small `.tide` file that decodes, one of five for the numbers 1 to 5."""
+    return (GOLDEN / f"compact-scattered-{number}.tide").read_bytes()
 
 
 @pytest.fixture

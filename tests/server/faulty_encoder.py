@@ -16,6 +16,7 @@ from typing import Any
 from meshtide_codec.errors import MeshFileError
 from meshtide_server import encoding
 
+STREAM = Path(__file__).parents[1] / "golden" / "version-3" / "compact-scattered-1.tide"
 BURNT_SECONDS = 0.6
 """Processor time that a job takes whose file's name begins with "burn"."""
 
@@ -23,7 +24,8 @@ _encode = encoding._encode
 
 
 def faulty_encode(job: dict[str, Any], reporter: encoding.Reporter) -> tuple[bytes, list[list[float]]]:
-    fault = FAULTS.get(Path(job["file"]).stem.split("-")[0])
+    file = Path(job["file"])
+    fault = FAULTS.get(file.stem.split("-")[0]) if file.suffix != ".tide" else None
     return (fault(reporter), [[0.0] * 3] * 2) if fault is not None else _encode(job, reporter)
 
 
@@ -71,7 +73,7 @@ def burn(_: encoding.Reporter) -> bytes:
     until = time.process_time() + BURNT_SECONDS
     while time.process_time() < until:
         pass
-    return b"burnt"
+    return STREAM.read_bytes()
 
 
 def quick(_: encoding.Reporter) -> bytes:

@@ -13,6 +13,7 @@ import pytest
 
 from bulk_ingests import BITS, PROFILE, chosen, expected_stream, small_meshes
 from meshtide_codec.decoder import decode
+from meshtide_codec.limits import Limits
 from meshtide_server.bulk_ingest import encode_file as module
 from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask, encode_file
 from meshtide_server.bulk_ingest.idle_encoders import end_idle_encoders
@@ -21,6 +22,8 @@ from meshtide_server.encoder_process import Encoded, EncodingFailedError, Proces
 from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.stream_cache import codec_digest
 from meshtide_server.upload_checks import UploadLimits
+
+from .conftest import make_stream, real_stream
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
@@ -33,7 +36,8 @@ def _file(tmp_path: Path) -> Path:
 
 def task_for(file: Path) -> FileTask:
     options = EncodingOptions(BITS, PROFILE)
-    return FileTask(file, chosen(file).digest, options, UploadLimits(1000, 1000), ProcessLimits(), 60.0, codec_digest())
+    limits, stream_limits = UploadLimits(1000, 1000), Limits(vertices=1000)
+    return FileTask(file, chosen(file).digest, options, limits, stream_limits, ProcessLimits(), 60.0, codec_digest())
 
 
 def box_of(stream: bytes) -> Box:
@@ -84,6 +88,22 @@ async def test_a_file_is_encoded_where_it_lies_or_from_its_content(file: Path) -
         assert "was changed while it was read" in (changed.error or "")
         limited = await encode_file(replace(task, limits=UploadLimits(8, 1000)), content)
         assert "claims 9 vertices; this server takes 8" in (limited.error or "")
+    finally:
+        await end_idle_encoders()
+
+
+async def test_a_stream_is_looked_into_and_given_back_as_it_is(tmp_path: Path) -> None:
+    file = tmp_path / "a.TIDE"
+    file.write_bytes(real_stream(2))
+    task = task_for(file)
+    try:
+        assert await encode_file(task) == FileOutcome(real_stream(2), box_of(real_stream(2)))
+        limited = await encode_file(replace(task, stream_limits=Limits(vertices=5)))
+        assert "this decoder accepts 5" in (limited.error or "")
+        file.write_bytes(make_stream(1))
+        refused = await encode_file(task_for(file))
+        assert refused.stream is None
+        assert refused.error
     finally:
         await end_idle_encoders()
 

@@ -151,18 +151,12 @@ async def test_files_that_fail_are_told_and_stop_no_other(ingest: Ingest) -> Non
     assert list(await ingest.meshes()) == ["good"]
 
 
-async def test_streams_are_published_as_they_are(ingest: Ingest) -> None:
-    stream = ingest.file("a.tide", "")
-    stream.write_bytes(make_stream(7))
-    changed = ingest.file("b.tide", "")
-    changed.write_bytes(make_stream(8))
-    files = [chosen(stream), chosen(changed)]
-    changed.write_bytes(make_stream(9))
-    told = await ingest.run(files)
-    assert told[0] == ("a.tide", "a", "done", None)
-    assert told[1][1:3] == (None, "failed")
-    assert "was changed while it was ingested" in (told[1][3] or "")
-    assert await ingest.store.get(stream_key(files[0].digest)) == make_stream(7)
+async def test_streams_are_given_to_the_encoders_too_which_look_into_them(ingest: Ingest) -> None:
+    good, false = (chosen(ingest.file(name, name)) for name in ("a.tide", "b.tide"))
+    ingest.encoders.outcomes = {"a.tide": FileOutcome(make_stream(7)), "b.tide": FileOutcome(error="it is not so")}
+    told = await ingest.run([good, false])
+    assert told == [("a.tide", "a", "done", None), ("b.tide", None, "failed", "it is not so")]
+    assert list(await ingest.meshes()) == ["a"]
 
 
 async def test_what_is_there_by_its_content_is_kept_and_replaced_on_demand(ingest: Ingest) -> None:

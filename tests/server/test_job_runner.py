@@ -21,7 +21,7 @@ from meshtide_server.store import StoreError
 from upload_server import TOKEN as UPLOAD_TOKEN
 from upload_server import taking_uploads
 
-from .conftest import TETRAHEDRON, LiveServer, make_stream, running
+from .conftest import TETRAHEDRON, LiveServer, real_stream, running
 from .test_encoder_process import FAULTY
 from .test_routes_ingest import WRITER, finished, post, settings_for
 
@@ -141,7 +141,7 @@ def test_a_parser_that_runs_away_costs_one_job(start: Start) -> None:
         job = outcome(server, "spin.obj", solid(1))
         assert (job["state"], job["attempts"]) == ("failed", 1)
         assert job["error"] == "it took more than 1 s of processor time"
-        assert outcome(server, "burn.tide", make_stream(1))["state"] == "done"
+        assert outcome(server, "burn.obj", solid(2))["state"] == "done"
 
 
 @pytest.mark.usefixtures("faulty")
@@ -201,12 +201,12 @@ def test_a_job_that_is_replaced_while_its_upload_is_read_is_no_fault(
 
         monkeypatch.setattr(store, "head", slow)
         first = httpx.put(
-            f"{server.url}/meshes/mine", params={"filename": "a.tide"}, content=make_stream(1), headers=WRITER
+            f"{server.url}/meshes/mine", params={"filename": "a.tide"}, content=real_stream(1), headers=WRITER
         ).json()
         assert reading.wait(20)
         monkeypatch.setattr(store, "head", head)
         second = httpx.put(
-            f"{server.url}/meshes/mine", params={"filename": "a.tide"}, content=make_stream(2), headers=WRITER
+            f"{server.url}/meshes/mine", params={"filename": "a.tide"}, content=real_stream(2), headers=WRITER
         ).json()
         go.set()
         assert finished(server.url, second["id"])["state"] == "done"
@@ -223,12 +223,12 @@ def test_a_later_upload_under_the_same_id_ends_the_earlier_job(start: Start) -> 
         slow = post(server.url, "sleep.obj", solid(2)).json()
         until_stage(server, slow, "sleep")
         answer = httpx.put(
-            f"{server.url}/meshes/sleep", params={"filename": "b.tide"}, content=make_stream(2), headers=WRITER
+            f"{server.url}/meshes/sleep", params={"filename": "b.tide"}, content=real_stream(2), headers=WRITER
         )
         assert finished(server.url, answer.json()["id"])["state"] == "done"
         ended = job_now(server, slow)
         assert (ended["state"], ended["error"]) == ("failed", "a later upload under the same id replaced it")
-        assert httpx.get(f"{server.url}/meshes/sleep.tide").content == make_stream(2)
+        assert httpx.get(f"{server.url}/meshes/sleep.tide").content == real_stream(2)
         runner = server.app.state.jobs
         until(lambda: not runner._attempts)
 
@@ -245,7 +245,7 @@ def test_a_job_that_has_just_been_published_is_not_taken_for_lost(
 
     monkeypatch.setattr("meshtide_server.job_attempt.publish", slow)
     with start(job_lost_seconds=1) as server:
-        assert outcome(server, "small.tide", make_stream(1))["state"] == "done"
+        assert outcome(server, "small.tide", real_stream(1))["state"] == "done"
         until(lambda: ended == ["well"], 5)
 
 
@@ -276,11 +276,11 @@ def test_a_timeout_of_the_store_is_a_fault_of_the_server_and_not_of_the_upload(
             raise TimeoutError
 
         monkeypatch.setattr(store, "get_range", slow)
-        job = outcome(server, "small.tide", make_stream(1))
+        job = outcome(server, "small.tide", real_stream(1))
         assert (job["state"], job["attempts"]) == ("failed", 2)
         assert job["error"] == "a fault of the server (TimeoutError); its operator finds more in the log"
         monkeypatch.setattr(store, "get_range", get_range)
-        assert outcome(server, "other.tide", make_stream(2))["state"] == "done"
+        assert outcome(server, "other.tide", real_stream(2))["state"] == "done"
 
 
 def test_jobs_wait_for_a_store_that_is_away(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -300,7 +300,7 @@ def test_jobs_wait_for_a_store_that_is_away(start: Start, monkeypatch: pytest.Mo
         server.loop.call_soon_threadsafe(server.app.state.draining.set)  # not begun before all is in place
         time.sleep(0.1)
         monkeypatch.setattr(store, "head", away)
-        job.update(post(server.url, "small.tide", make_stream(1)).json())
+        job.update(post(server.url, "small.tide", real_stream(1)).json())
         server.loop.call_soon_threadsafe(server.app.state.draining.clear)
         until(lambda: len(asked) > 8)  # more than two attempts would ask
         assert job_now(server, job)["state"] in {"queued", "running"}

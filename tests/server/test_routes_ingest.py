@@ -7,6 +7,7 @@ import socket
 import sqlite3
 import time
 from contextlib import closing
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -21,9 +22,10 @@ from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh_files import load_mesh, save_mesh
+from meshtide_codec.stream.container import read_container, write_container
 from meshtide_server.settings import Settings
 
-from .conftest import TETRAHEDRON, LiveServer, make_stream, running
+from .conftest import TETRAHEDRON, LiveServer, make_stream, real_stream, running
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -144,18 +146,47 @@ def test_a_job_of_before_there_was_a_choice_of_effort_is_done(
 def test_a_stream_is_published_as_it_is_replaced_and_deleted(server: LiveServer) -> None:
     for seed in (3, 4):
         params = {"filename": "some.tide"}
-        answer = httpx.put(f"{server.url}/meshes/mine", params=params, content=make_stream(seed), headers=WRITER)
+        answer = httpx.put(f"{server.url}/meshes/mine", params=params, content=real_stream(seed), headers=WRITER)
         assert answer.status_code == 202
         assert finished(server.url, answer.json()["id"])["state"] == "done"
-        assert httpx.get(f"{server.url}/meshes/mine.tide").content == make_stream(seed)
-        row = httpx.get(f"{server.url}/meshes/mine").json()["packets"][3]
+        assert httpx.get(f"{server.url}/meshes/mine.tide").content == real_stream(seed)
+        row = httpx.get(f"{server.url}/meshes/mine").json()["packets"][-1]
         packet = httpx.get(f"{server.url}/packets/{row['sha256']}")
-        assert packet.content == make_stream(seed)[row["offset"] : row["offset"] + row["length"]]
+        assert packet.content == real_stream(seed)[row["offset"] : row["offset"] + row["length"]]
     assert httpx.delete(f"{server.url}/meshes/mine", headers=WRITER).status_code == 204
     assert httpx.get(f"{server.url}/meshes/mine.tide").status_code == 404
     assert httpx.get(f"{server.url}/packets/{row['sha256']}").status_code == 404
     assert httpx.get(f"{server.url}/jobs/{answer.json()['id']}").status_code == 404
     assert httpx.delete(f"{server.url}/meshes/mine", headers=WRITER).json()["error"] == "unknown-mesh"
+
+
+@pytest.mark.parametrize("damage", ["packets", "profile", "claim"])
+def test_a_stream_that_is_not_what_it_says_replaces_nothing(server: LiveServer, damage: str) -> None:
+    def put(data: bytes) -> dict[str, Any]:
+        query = {"filename": "a.tide"}
+        answer = httpx.put(f"{server.url}/meshes/mine", params=query, content=data, headers=WRITER).raise_for_status()
+        return finished(server.url, answer.json()["id"])
+
+    assert put(real_stream(3))["state"] == "done"
+    header, packets = read_container(real_stream(4))
+    false = {
+        "packets": (header, packets),
+        "profile": (replace(header, profile="other"), packets),
+        "claim": (
+            replace(header, levels=(*header.levels[:-1], replace(header.levels[-1], rms=0.5, maximum=1.0))),
+            packets,
+        ),
+    }
+    changed, parts = false[damage]
+    data = make_stream(1) if damage == "packets" else write_container(changed, [part.payload for part in parts])
+    job = put(data)
+    assert (job["state"], job["attempts"]) == ("failed", 1)
+    assert "/" not in job["error"]
+    assert httpx.get(f"{server.url}/meshes/mine.tide").content == real_stream(3)
+    assert put(real_stream(4))["state"] == "done"
+    assert httpx.get(f"{server.url}/meshes/mine.tide").content == real_stream(4)
+    box = httpx.get(f"{server.url}/meshes/mine").json()["box"]
+    assert np.array_equal(box["minimum"], decode(real_stream(4)).vertices.min(axis=0))
 
 
 def test_a_file_that_is_no_mesh_fails_and_stops_nobody(server: LiveServer) -> None:
@@ -202,7 +233,7 @@ def test_uploaded_files_leave_the_store_when_no_job_needs_them(folder: Path, tmp
     with running(settings_for(folder, data)) as live:
         live.loop.call_soon_threadsafe(live.app.state.draining.set)  # jobs are not begun any more
         time.sleep(0.1)
-        jobs = [post(live.url, f"part-{i}.tide", make_stream(1)).json() for i in range(2)]
+        jobs = [post(live.url, f"part-{i}.tide", real_stream(1)).json() for i in range(2)]
         gone = post(live.url, "gone.obj", b"no mesh").json()
         assert len(sources(data)) == 2
         assert httpx.delete(f"{live.url}/meshes/{gone['mesh']}", headers=WRITER).status_code == 204
@@ -220,7 +251,7 @@ def test_uploaded_files_leave_the_store_when_no_job_needs_them(folder: Path, tmp
     with running(settings_for(folder, data)) as live:
         assert finished(live.url, jobs[1]["id"])["state"] == "done"
         until_no_sources(data)
-        again = post(live.url, "again.tide", make_stream(1)).json()
+        again = post(live.url, "again.tide", real_stream(1)).json()
         assert finished(live.url, again["id"])["state"] == "done"
         until_no_sources(data)
 
@@ -316,9 +347,9 @@ def test_what_was_queued_is_done_after_a_restart(folder: Path, tmp_path: Path) -
     with running(settings) as live:
         live.loop.call_soon_threadsafe(live.app.state.draining.set)  # jobs are not begun any more
         time.sleep(0.1)
-        jobs = [post(live.url, f"part-{i}.tide", make_stream(i)).json() for i in range(3)]
+        jobs = [post(live.url, f"part-{i}.tide", real_stream(i + 1)).json() for i in range(3)]
         assert {httpx.get(f"{live.url}/jobs/{job['id']}").json()["state"] for job in jobs} == {"queued"}
     with running(settings) as live:
         for i, job in enumerate(jobs):
             assert finished(live.url, job["id"])["state"] == "done"
-            assert httpx.get(f"{live.url}/meshes/part-{i}.tide").content == make_stream(i)
+            assert httpx.get(f"{live.url}/meshes/part-{i}.tide").content == real_stream(i + 1)

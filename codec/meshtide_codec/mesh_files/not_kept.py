@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from meshtide_codec.attributes import Attribute, Kind
 
 if TYPE_CHECKING:
+    from meshtide_codec.mesh_files.read import SceneMesh
     from meshtide_codec.scene import Scene
 
 _WORDS = {
@@ -16,6 +17,12 @@ _WORDS = {
 }
 _USUAL_NAMES = frozenset({"TEXCOORD_0", "NORMAL", "COLOR_0"})
 _PARTS_OF_DOCUMENT = ("animations", "cameras")
+
+
+def notes_of_encoding(scene: Scene, loaded: SceneMesh) -> list[str]:
+    """All that a person should know who has a stream made of a file: what was read otherwise, and what is not kept."""
+    left_out = not_kept(scene)
+    return [*loaded.notes, *([] if left_out is None else [left_out])]
 
 
 def not_kept(scene: Scene) -> str | None:

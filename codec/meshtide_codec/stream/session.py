@@ -134,6 +134,8 @@ class ServerSession:
         if isinstance(message, Hello) and self._jobs is None:
             self._greet(message)
         elif isinstance(message, Credit) and self._jobs is not None:
+            if not message.size:
+                raise ProtocolError("a credit of 0 bytes grants nothing; it is not to be sent")
             self._credit += message.size
         else:
             raise ProtocolError(f"{type(message).__name__} is not expected here")

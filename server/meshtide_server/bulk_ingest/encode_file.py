@@ -24,7 +24,7 @@ from meshtide_server.stream_cache import codec_digest, file_digest
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
-    from meshtide_codec.limits import FileLimits
+    from meshtide_codec.limits import FileLimits, Limits
     from meshtide_server.catalogue import Box
     from meshtide_server.encoder_process import ProcessLimits
     from meshtide_server.encoding_options import EncodingOptions
@@ -42,6 +42,7 @@ class FileTask:
         digest: SHA-256 of its content, in hexadecimal.
         options: how to encode it.
         limits: what it may claim.
+        stream_limits: the same of a file that is a stream already, which is only decoded.
         process: what its encoder's process may take.
         seconds: how long it may take.
         codec: digest of the codec that is to encode it; see `codec_digest`.
@@ -51,6 +52,7 @@ class FileTask:
     digest: str
     options: EncodingOptions
     limits: FileLimits
+    stream_limits: Limits
     process: ProcessLimits
     seconds: float
     codec: str
@@ -65,12 +67,14 @@ class FileOutcome:
         box: that holds its finest level.
         error: why there is none.
         elsewhere: there is no such file here; send its content along.
+        notes: what of the file is not in the stream, or was read otherwise than it stands there.
     """
 
     stream: bytes | None = None
     box: Box | None = None
     error: str | None = None
     elsewhere: bool = False
+    notes: tuple[str, ...] = ()
 
 
 Progress = Callable[[str, float], None]
@@ -79,7 +83,9 @@ Progress = Callable[[str, float], None]
 async def encode_file(
     task: FileTask, content: bytes | None = None, progress: Progress = lambda _stage, _fraction: None
 ) -> FileOutcome:
-    """Check a mesh file, read it, encode it. Failures are returned, for what is raised on a cluster is lost in logs.
+    """Check a mesh file, read it, encode it; a stream is decoded, and returned as it is.
+
+    Failures are returned, for what is raised on a cluster is lost in logs.
 
     Args:
         task: what to do.
@@ -96,13 +102,13 @@ async def encode_file(
 
 
 async def _encode(task: FileTask, path: Path, progress: Progress) -> FileOutcome:
-    job = Job(path, None, task.digest, task.options, (), task.limits)
+    job = Job(path, None, task.digest, task.options, (), task.limits, task.stream_limits)
     reason = ""
     for _ in range(ATTEMPTS):
         try:
             async with asyncio.timeout(task.seconds), encoder_taken(task.process) as encoder:
                 encoded = await encoder.encode(job, progress)
-                return FileOutcome(encoded.data, encoded.box)
+                return FileOutcome(encoded.data, encoded.box, notes=encoded.notes)
         except TimeoutError:
             return FileOutcome(error=f"it took longer than {task.seconds:g} s (MESHTIDE_JOB_SECONDS)")
         except EncodingFailedError as error:

@@ -9,17 +9,14 @@ the ingest after a few attempts: the files that are left are told as not begun. 
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import logging
 from typing import TYPE_CHECKING, Protocol
 
 from meshtide_codec.errors import MeshFileError, MeshtideError, TransferError
-from meshtide_codec.limits import Limits
-from meshtide_codec.printable import listed_name
+from meshtide_codec.printable import listed_name, printable
 from meshtide_server.bulk_ingest.encode_file import FileTask
 from meshtide_server.catalogue import DatabaseUnavailableError, MeshExistsError, MeshState
 from meshtide_server.encoder_process import ProcessLimits
-from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.identifiers import unique_id
 from meshtide_server.publishing import Publication, publish
 from meshtide_server.stream_cache import codec_digest
@@ -152,17 +149,14 @@ class Ingestion:
 
     async def _published(self, chosen: ChosenFile, mesh_id: str) -> tuple[str, str]:
         """The id under which the file's mesh is in the catalogue, and whether it was "kept" or is "done"."""
-        suffix = checked_suffix(chosen.file.name)
+        checked_suffix(chosen.file.name)
         size = (await asyncio.to_thread(chosen.file.stat)).st_size
         if size > self._settings.max_upload:
             most = self._settings.max_upload
             raise MeshFileError(f"{chosen.file} has {size} bytes; {most} are taken (MESHTIDE_MAX_UPLOAD)")
         if chosen.mesh is None and (twin := await self._ready_twin(chosen)) is not None:
             return twin, "kept"
-        if suffix == TIDE_SUFFIX:
-            stream, box = await asyncio.to_thread(_unchanged_bytes, chosen), None
-        else:
-            stream, box = await self._encoded(chosen)
+        stream, box = await self._encoded(chosen)
         for pause in PAUSES:
             try:
                 async with self._publishers:
@@ -180,6 +174,7 @@ class Ingestion:
             chosen.digest,
             settings.encoding,
             settings.file_limits,
+            settings.stream_limits,
             ProcessLimits(settings.job_memory, settings.job_processor_seconds),
             settings.job_seconds,
             codec_digest(),
@@ -187,12 +182,13 @@ class Ingestion:
         outcome = await self._encoders.encode(task)
         if outcome.stream is None:
             raise MeshFileError(outcome.error or _changed(chosen))
+        for note in outcome.notes:
+            logger.info("%s: %s", listed_name(chosen.file), printable(note))
         return outcome.stream, outcome.box
 
     async def _show(self, chosen: ChosenFile, mesh_id: str, stream: bytes, box: Box | None) -> tuple[str, str]:
         """Publish a stream; under another id, if somebody else has taken this one meanwhile."""
-        settings = self._settings
-        limits = Limits(vertices=settings.max_vertices, faces=settings.max_faces, memory=settings.max_decode_memory)
+        limits = self._settings.stream_limits
         while True:
             told = Publication(mesh_id, listed_name(chosen.file), self._tags, self._licence, chosen.digest, box)
             try:
@@ -216,13 +212,6 @@ class Ingestion:
         found = unique_id(file.stem, file.suffix, self._taken)
         self._taken.add(found)
         return found
-
-
-def _unchanged_bytes(chosen: ChosenFile) -> bytes:
-    data = chosen.file.read_bytes()
-    if hashlib.sha256(data).hexdigest() != chosen.digest:
-        raise MeshFileError(_changed(chosen))
-    return data
 
 
 def _changed(chosen: ChosenFile) -> str:

@@ -10,10 +10,17 @@ from sqlalchemy import delete, select, text
 
 from meshtide_server.catalogue.database import Database
 from meshtide_server.catalogue.errors import UnknownMeshError
-from meshtide_server.catalogue.jobs import Jobs, end_earlier_jobs, enqueue_job, finish_job, lock_jobs
+from meshtide_server.catalogue.jobs import (
+    Jobs,
+    end_earlier_jobs,
+    enqueue_job,
+    finish_job,
+    has_unfinished_job,
+    lock_jobs,
+)
 from meshtide_server.catalogue.meshes import Meshes, add_mesh, get_mesh, put_mesh
 from meshtide_server.catalogue.migrations import migrate
-from meshtide_server.catalogue.rows import MeshState
+from meshtide_server.catalogue.rows import MeshState, Told
 from meshtide_server.catalogue.sources import Sources, forget_pending
 from meshtide_server.catalogue.streams import (
     Streams,
@@ -26,6 +33,8 @@ from meshtide_server.catalogue.tables import mesh_table
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping
+
+    from sqlalchemy.ext.asyncio import AsyncConnection
 
     from meshtide_server.catalogue.rows import Job, MeshRecord, StreamRecord
 
@@ -90,7 +99,8 @@ class Catalogue:
     ) -> tuple[MeshRecord, Job]:
         """Add a mesh and the job that makes its stream, in one transaction.
 
-        Earlier jobs of a mesh that is replaced end with this, so that none of them can replace the later one.
+        Earlier jobs of a mesh that is replaced end with this, so that none of them can replace the later one. A mesh
+        that can be served stays as it is until the job has made another stream, and for good if it does not.
 
         Args:
             mesh: with state ENCODING.
@@ -106,10 +116,15 @@ class Catalogue:
         async with self._database.locked() if replace else self._database.writing() as connection:
             if replace:
                 await end_earlier_jobs(connection, mesh.id)
-            record = await (put_mesh if replace else add_mesh)(connection, mesh)
+            told = None
+            served = await _served_mesh(connection, mesh.id) if replace else None
+            if served is not None:
+                record, told = served, Told(mesh.name, mesh.tags, mesh.licence, mesh.source)
+            else:
+                record = await (put_mesh if replace else add_mesh)(connection, mesh)
             if note is not None:
                 await forget_pending(connection, note)
-            return record, await enqueue_job(connection, record.id, source_key, options)
+            return record, await enqueue_job(connection, record.id, source_key, options, told)
 
     async def register(
         self,
@@ -160,7 +175,8 @@ class Catalogue:
         """Change what is told of a mesh; what is None stays as it is.
 
         Returns:
-            The mesh as it stands now; one that is being encoded is not changed, for its job brings all of this.
+            The mesh as it stands now; one that is being encoded, or encoded again, is not changed, for its job brings
+            all of this: its state is ENCODING then.
 
         Raises:
             UnknownMeshError: there is none.
@@ -169,8 +185,8 @@ class Catalogue:
             row = select(mesh_table.c.id).where(mesh_table.c.id == mesh_id).with_for_update()
             await connection.execute(row)  # an upload that replaces the mesh waits, or was before this
             record = await get_mesh(connection, mesh_id)
-            if record.state == MeshState.ENCODING:
-                return record
+            if record.state == MeshState.ENCODING or await has_unfinished_job(connection, mesh_id):
+                return replace(record, state=MeshState.ENCODING)
             changed = replace(
                 record,
                 name=record.name if name is None else name,
@@ -218,3 +234,12 @@ class Catalogue:
 
     def __repr__(self) -> str:
         return f"Catalogue({self._database})"
+
+
+async def _served_mesh(connection: AsyncConnection, mesh_id: str) -> MeshRecord | None:
+    """The mesh of that id, if it can be served, within a transaction."""
+    try:
+        record = await get_mesh(connection, mesh_id)
+    except UnknownMeshError:
+        return None
+    return record if record.state == MeshState.READY else None

@@ -18,7 +18,7 @@ from sqlalchemy import and_, exists, func, insert, select, update
 
 from meshtide_server.catalogue.errors import UnknownJobError
 from meshtide_server.catalogue.meshes import fail_mesh, get_mesh, micros, moment
-from meshtide_server.catalogue.rows import UNFINISHED, Job, JobState, now
+from meshtide_server.catalogue.rows import UNFINISHED, Job, JobState, Told, now
 from meshtide_server.catalogue.tables import job_table
 
 if TYPE_CHECKING:
@@ -214,7 +214,11 @@ class Jobs:
 
 
 async def enqueue_job(
-    connection: AsyncConnection, mesh_id: str, source_key: str, options: Mapping[str, Any] | None
+    connection: AsyncConnection,
+    mesh_id: str,
+    source_key: str,
+    options: Mapping[str, Any] | None,
+    told: Told | None = None,
 ) -> Job:
     """Queue a job within a transaction; see `Jobs.enqueue`."""
     await get_mesh(connection, mesh_id)
@@ -229,9 +233,17 @@ async def enqueue_job(
         "stage": "waiting",
         "progress": 0.0,
         "created": micros(now()),
+        "told": None if told is None else json.dumps(told._asdict()),
     }
     await connection.execute(insert(job_table).values(**row))
     return await _get(connection, job_id)
+
+
+async def has_unfinished_job(connection: AsyncConnection, mesh_id: str) -> bool:
+    """Whether something is queued or runs for a mesh, within a transaction."""
+    unfinished = job_table.c.state.in_([state.value for state in UNFINISHED])
+    found = select(job_table.c.id).where(job_table.c.mesh_id == mesh_id, unfinished).limit(1)
+    return (await connection.execute(found)).scalar() is not None
 
 
 async def lock_jobs(connection: AsyncConnection, mesh_id: str) -> None:
@@ -308,4 +320,9 @@ def _job(row: RowMapping) -> Job:
         error=row["error"],
         created=moment(row["created"]),
         finished=None if row["finished"] is None else moment(row["finished"]),
+        told=None if row["told"] is None else _told(json.loads(row["told"])),
     )
+
+
+def _told(fields: dict[str, Any]) -> Told:
+    return Told(fields["name"], tuple(fields["tags"]), fields["licence"], fields["source"])

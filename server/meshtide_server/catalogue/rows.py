@@ -113,6 +113,15 @@ class PacketLocation(NamedTuple):
     length: int
 
 
+class Told(NamedTuple):
+    """What is told of a mesh beside its stream; the fields are those of MeshRecord."""
+
+    name: str
+    tags: tuple[str, ...]
+    licence: str
+    source: str | None
+
+
 @dataclass(frozen=True, slots=True)
 class Job:
     """One upload to be encoded.
@@ -131,6 +140,7 @@ class Job:
         error: why it failed, or why its first attempt did.
         created: when it was queued.
         finished: when it was done or failed for good.
+        told: of the mesh, once its stream has replaced the one that is there; None if there is none.
     """
 
     id: str
@@ -146,6 +156,7 @@ class Job:
     error: str | None = None
     created: datetime = field(default_factory=now)
     finished: datetime | None = None
+    told: Told | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,6 +73,7 @@ job_table = Table(
     Column("error", Text),
     Column("created", BigInteger, nullable=False),
     Column("finished", BigInteger),
+    Column("told", Text),
 )
 
 unused_table = Table(  # streams in the store that no mesh needs: not yet, or not any more
