@@ -13,7 +13,7 @@ import pytest
 
 from bulk_ingests import BITS, PROFILE, chosen, expected_stream, small_meshes
 from meshtide_codec.decoder import decode
-from meshtide_codec.limits import Limits
+from meshtide_codec.limits import FileLimits, Limits
 from meshtide_server.bulk_ingest import encode_file as module
 from meshtide_server.bulk_ingest.encode_file import FileOutcome, FileTask, encode_file
 from meshtide_server.bulk_ingest.idle_encoders import end_idle_encoders
@@ -21,7 +21,6 @@ from meshtide_server.catalogue import Box
 from meshtide_server.encoder_process import Encoded, EncodingFailedError, ProcessLimits
 from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.stream_cache import codec_digest
-from meshtide_server.upload_checks import UploadLimits
 
 from .conftest import make_stream, real_stream
 
@@ -36,7 +35,7 @@ def _file(tmp_path: Path) -> Path:
 
 def task_for(file: Path) -> FileTask:
     options = EncodingOptions(BITS, PROFILE)
-    limits, stream_limits = UploadLimits(1000, 1000), Limits(vertices=1000)
+    limits, stream_limits = FileLimits(vertices=1000, faces=1000), Limits(vertices=1000)
     return FileTask(file, chosen(file).digest, options, limits, stream_limits, ProcessLimits(), 60.0, codec_digest())
 
 
@@ -86,8 +85,8 @@ async def test_a_file_is_encoded_where_it_lies_or_from_its_content(file: Path) -
         assert await encode_file(task, content) == FileOutcome(expected, box_of(expected))
         changed = await encode_file(replace(task, digest="0" * 64), content)
         assert "was changed while it was read" in (changed.error or "")
-        limited = await encode_file(replace(task, limits=UploadLimits(8, 1000)), content)
-        assert "claims 9 vertices; this server takes 8" in (limited.error or "")
+        limited = await encode_file(replace(task, limits=FileLimits(vertices=8, faces=1000)), content)
+        assert "9 vertices; 8 are the most" in (limited.error or "")
     finally:
         await end_idle_encoders()
 

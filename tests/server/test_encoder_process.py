@@ -14,11 +14,11 @@ from pathlib import Path
 import psutil
 import pytest
 
+from meshtide_codec.limits import FileLimits
 from meshtide_codec.stream.container import read_container
 from meshtide_server.encoder_process import EncoderProcess, EncodingFailedError, Job, ProcessLimits
 from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.stream_cache import file_digest
-from meshtide_server.upload_checks import UploadLimits
 
 OPTIONS = EncodingOptions(bits=9)
 FAULTY = (sys.executable, str(Path(__file__).with_name("faulty_encoder.py")))
@@ -75,21 +75,21 @@ async def test_a_file_that_wants_more_memory_than_a_job_may_have_costs_one_job(
     tmp_path: Path, tetrahedron: str
 ) -> None:
     greedy, good = tmp_path / "greedy.glb", tmp_path / "good.obj"
-    accessor = {"componentType": 5126, "count": 10**9, "type": "VEC3"}
+    points = 300_000
     text = json.dumps(
         {
             "asset": {"version": "2.0"},
-            "scenes": [{"nodes": [0]}],
-            "nodes": [{"mesh": 0}],
+            "scenes": [{"nodes": list(range(200))}],
+            "nodes": [{"mesh": 0}] * 200,
             "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-            "accessors": [accessor],
-            "bufferViews": [],
-            "buffers": [],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": points, "type": "VEC3"}],
+            "bufferViews": [{"buffer": 0, "byteLength": 12 * points}],
+            "buffers": [{"byteLength": 12 * points}],
         }
     ).encode()
     text += b" " * (-len(text) % 4)
-    chunk = struct.pack("<I4s", len(text), b"JSON") + text
-    greedy.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunk)) + chunk)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", 12 * points, b"BIN\0")
+    greedy.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks) + 12 * points) + chunks + bytes(12 * points))
     good.write_text(tetrahedron)
     encoder = EncoderProcess(ProcessLimits(memory=2 << 30))
     try:
@@ -107,14 +107,14 @@ async def test_what_a_stranger_sent_is_checked_before_it_is_read(
     hostile, good = tmp_path / "hostile.off", tmp_path / "good.obj"
     hostile.write_text("OFF\n1000000000000 1 0\n")
     good.write_text(tetrahedron)
-    limits = UploadLimits(vertices=4, faces=4)
-    with pytest.raises(EncodingFailedError, match="claims 1000000000000 vertices; this server takes 4") as refusal:
+    limits = FileLimits(vertices=4, faces=4)
+    with pytest.raises(EncodingFailedError, match="1000000000000 vertices; 4 are the most") as refusal:
         await encoder.encode(replace(job(hostile, tmp_path / "hostile.tide"), limits=limits), quiet)
     assert not refusal.value.by_process
     encoded = await encoder.encode(replace(job(good, tmp_path / "good.tide"), limits=limits), quiet)
     assert encoded.path == tmp_path / "good.tide"
-    with pytest.raises(EncodingFailedError, match="claims 4 vertices; this server takes 3"):
-        await encoder.encode(replace(job(good), limits=UploadLimits(3, 4)), quiet)
+    with pytest.raises(EncodingFailedError, match="4 vertices; 3 are the most"):
+        await encoder.encode(replace(job(good), limits=FileLimits(vertices=3, faces=4)), quiet)
 
 
 async def test_a_stream_that_no_folder_takes_comes_back_in_memory(
