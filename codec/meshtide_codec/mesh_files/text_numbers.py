@@ -184,9 +184,7 @@ def _plain_decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArr
     return _quotients(whole * _WHOLE_POWERS[after] + low, after, large), runs.starts[heads]
 
 
-def _quotients(
-    whole: NDArray[np.uint64], after: NDArray[np.int64], unknown: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def _quotients(whole: NDArray[np.uint64], after: NDArray[np.int64], unknown: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The numbers whole / 10^after (k,), rounded right; NaN where that is not sure, and where whole is not known."""
     whole[unknown] = 0
     powers = _POWERS[after]
