@@ -1,4 +1,4 @@
-"""Reading mesh files, held against trimesh: python tests/bench/mesh_files.py FOLDER [--formats obj] [--vertices 1000000].
+"""Reading mesh files, held against trimesh: python tests/bench/mesh_files.py FOLDER [--formats obj] [--vertices N].
 
 For each file of a folder and for generated ones: seconds of processor time (the best of several), and the peak memory
 of each reader as a multiple of the file's size, in a process of its own, without what the interpreter took before.
@@ -101,11 +101,11 @@ def write_obj(path: Path, vertices: int, form: str, *, polygons: bool = False) -
     corner = form.replace("vt", "{0}").replace("vn", "{0}").replace("v", "{0}").replace("{0}", "%d")
     line = f"f {' '.join([corner] * faces.shape[1])}\n"
     with path.open("w") as file:
-        file.writelines("v %.6f %.6f %.6f\n" % tuple(row) for row in points.tolist())
+        file.writelines(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points.tolist())
         if "vt" in form:
-            file.writelines("vt %.6f %.6f\n" % tuple(row) for row in (points[:, :2] / 3 + 0.5).tolist())
+            file.writelines(f"vt {u:.6f} {v:.6f}\n" for u, v in (points[:, :2] / 3 + 0.5).tolist())
         if "vn" in form:
-            file.writelines("vn %.4f %.4f %.4f\n" % tuple(row) for row in points.tolist())
+            file.writelines(f"vn {x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in points.tolist())
         file.writelines(line % tuple(row) for row in np.repeat(faces, corner.count("%d"), axis=1).tolist())
 
 
@@ -122,10 +122,9 @@ GENERATED: dict[str, list[tuple[str, Callable[[Path, int], None]]]] = {
 
 def checked(path: Path) -> str:
     """What our reader and a plain one find in an OBJ file, and whether it is the same."""
+    from meshtide_codec.mesh_files import load_scene
     from obj_files import faces_of
     from plain_obj import read_plain_obj, turned
-
-    from meshtide_codec.mesh_files import load_scene
 
     mesh = load_scene(path).geometries[0]
     plain = read_plain_obj(path.read_bytes())
