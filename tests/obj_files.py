@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
 
-from meshtide_codec.attributes import Attribute
+from meshtide_codec.attributes import Attribute, Domain
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh_files.obj import read_obj
 from meshtide_codec.mesh_files.source import Source
@@ -42,8 +42,8 @@ def faces_of(mesh: Mesh) -> list[list[Corner]]:
         one = tables.get(name)
         if one is None:
             return None
-        place = corner if one.domain == "corner" else vertices[corner]
-        found = int(one.rows()[place])
+        places = {Domain.VERTEX: vertices[corner], Domain.CORNER: corner, Domain.FACE: corner // 3}
+        found = int(one.rows()[places[one.domain]])
         return None if found < 0 else found
 
     return [

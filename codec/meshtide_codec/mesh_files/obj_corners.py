@@ -125,7 +125,7 @@ def _blank_last_slashes(text: NDArray[np.uint8]) -> None:
     """Take out slashes at the end of words, as in 1// and 1/2/."""
     for _ in range(2):
         slashes = np.flatnonzero(text == _SLASH)
-        text[slashes[text[slashes + 1] <= BLANK]] = BLANK
+        text[slashes[(text[slashes + 1] <= BLANK) & (text[slashes - 1] > BLANK)]] = BLANK
 
 
 def _first_bad_word(text: NDArray[np.uint8]) -> int:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.text_numbers import BLANK, PADDING, padded
 
 if TYPE_CHECKING:
@@ -23,8 +24,9 @@ NOTHING, VERTEX, TEXCOORD, NORMAL, FACE, OTHER = range(6)
 """Kinds of lines: blank ones and comments, v, vt, vn, f (and fo), all others."""
 
 _BLOCK = 1 << 19
-_NEWLINE, _HASH, _DOT, _F, _N, _O, _T, _V = b"\n#.fnotv"
-_CONTINUED = re.compile(rb"\\[ \t]*\n")
+_LONGEST = 1 << 24  # bytes of a line: a polygon of more than two million corners
+_NEWLINE, _HASH, _BACKSLASH, _DOT, _F, _N, _O, _T, _V = b"\n#\\.fnotv"
+_LAST_END = re.compile(rb"[^\\ \t][ \t]*\n")  # of a line that does not go on
 _UTF_8_MARK = b"\xef\xbb\xbf"
 _UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
@@ -133,11 +135,18 @@ def plain_text(data: bytes) -> bytes:
 
 
 def blocks(data: bytes) -> Iterator[Block]:
-    """The lines of a text from `plain_text`, none left out, none cut."""
+    """The lines of a text from `plain_text`, none left out, none cut.
+
+    Raises:
+        MeshFileError: a line has no end, or a very late one.
+    """
     start = 0
     line = 1
     while start < len(data):
         end = _end_of_block(data, start)
+        if end - start > _BLOCK + _LONGEST:
+            number = line + data.count(b"\n", start, start + _BLOCK)
+            raise MeshFileError(f"line {number} or one beside it is longer than {_LONGEST} bytes, which no face needs")
         piece = data[start:end]
         yield _block(piece, line)
         line += piece.count(b"\n")
@@ -149,8 +158,9 @@ def _end_of_block(data: bytes, start: int) -> int:
     if len(data) - start <= _BLOCK:
         return len(data)
     end = data.rfind(b"\n", start, start + _BLOCK) + 1 or data.find(b"\n", start + _BLOCK) + 1
-    while end and _goes_on(data, start, end - 1):
-        end = data.find(b"\n", end) + 1
+    if end and _goes_on(data, start, end - 1):
+        last = _LAST_END.search(data, end - 1)
+        return last.end() if last else len(data)
     return end or len(data)
 
 
@@ -165,7 +175,7 @@ def _block(piece: bytes, first: int) -> Block:
     ends = np.flatnonzero(text == _NEWLINE)
     breaks = None
     if b"\\" in piece:
-        _join(text, piece)
+        _join(text, ends)
         breaks, ends = ends, np.flatnonzero(text == _NEWLINE)
     whole = len(ends) > 0 and ends[-1] == PADDING + len(piece) - 1
     stops = ends if whole else np.append(ends, PADDING + len(piece))
@@ -181,12 +191,22 @@ def _block(piece: bytes, first: int) -> Block:
     return block
 
 
-def _join(text: NDArray[np.uint8], piece: bytes) -> None:
+def _join(text: NDArray[np.uint8], ends: NDArray[np.int64]) -> None:
     """Blank the ends of lines that go on in the next one; a comment does not."""
-    for match in _CONTINUED.finditer(piece):
-        line = piece.rfind(b"\n", 0, match.start()) + 1
-        if not piece[line : match.start()].lstrip().startswith(b"#"):
-            text[PADDING + match.start() : PADDING + match.end()] = BLANK
+    filled = np.append(np.flatnonzero(text > BLANK), len(text) - 1)
+    starts = np.append(PADDING, ends[:-1] + 1)[: len(ends)]
+    place = np.searchsorted(filled, ends)
+    last, first = filled[place - 1], filled[np.searchsorted(filled, starts)]
+    joined = np.flatnonzero((place > 0) & (last >= starts) & (text[last] == _BACKSLASH) & (text[first] != _HASH))
+    _blank(text, last[joined], ends[joined] + 1)
+
+
+def _blank(text: NDArray[np.uint8], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> None:
+    """Blank spans of a text, which do not overlap."""
+    change = np.zeros(len(text), np.int8)
+    change[starts] += 1
+    change[ends] -= 1
+    text[np.cumsum(change, dtype=np.int8).view(np.bool_)] = BLANK
 
 
 def _first_words(text: NDArray[np.uint8], starts: NDArray[np.int64], stops: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -220,7 +240,4 @@ def _blank_comments(block: Block, hashes: NDArray[np.int64]) -> None:
     kinds = block.kinds[lines]
     chosen = (kinds != NOTHING) & (kinds != OTHER) & (block.text[hashes - 1] != _DOT)
     lines, first = np.unique(lines[chosen], return_index=True)
-    change = np.zeros(len(block.text), np.int8)
-    change[hashes[chosen][first]] = 1
-    change[block.stops[lines]] = -1
-    block.text[np.cumsum(change, dtype=np.int8).view(np.bool_)] = BLANK
+    _blank(block.text, hashes[chosen][first], block.stops[lines])
