@@ -179,7 +179,7 @@ def _positions(columns: Columns) -> NDArray[np.float64]:
     spelled = {name.lower(): name for name in columns.scalars}
     found = [columns.scalars[spelled[name]] for name in POSITION]
     with np.errstate(invalid="ignore"):
-        return table([each.astype(np.float64) for each in found])
+        return table(found, np.float64)
 
 
 def _scene(

@@ -15,7 +15,7 @@ from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
+    from numpy.typing import DTypeLike, NDArray
 
     from meshtide_codec.mesh_files.ply_rows import ListColumn
 
@@ -104,9 +104,9 @@ def _named(
     return Attribute(own, kind, domain, values, normalized=normalized, extra=extra)
 
 
-def table(columns: list[NDArray[Any]]) -> NDArray[Any]:
-    """Columns (rows,) side by side (rows, c), in native byte order."""
-    values = np.empty((len(columns[0]), len(columns)), columns[0].dtype.newbyteorder("="))
+def table(columns: list[NDArray[Any]], kind: DTypeLike | None = None) -> NDArray[Any]:
+    """Columns (rows,) side by side (rows, c), of another type or in native byte order."""
+    values = np.empty((len(columns[0]), len(columns)), kind or columns[0].dtype.newbyteorder("="))
     for place, column in enumerate(columns):
         values[:, place] = column
     return values
