@@ -109,13 +109,13 @@ def faces_of(
         for begin in range(0, len(triangles), _BLOCK):
             triangles[begin : begin + _BLOCK] = flat[triangles[begin : begin + _BLOCK]]
         if cut.degenerate:
-            notes.append(f"{cut.degenerate} faces have fewer than three different corners: left out")
+            notes.append(f"faces of fewer than three different corners: {cut.degenerate}, left out")
     attributes = []
     if CORNER_TEXCOORDS in columns.lists:
         attribute, odd = corner_texcoords(columns.lists[CORNER_TEXCOORDS], counts, places, polygon)
         attributes.append(attribute)
         if odd:
-            notes.append(f"{odd} faces have texture coordinates for another number of corners: these are not read")
+            notes.append(f"faces with texture coordinates for another number of corners: {odd}, of these none are read")
     names = {*taken, *(one.name for one in attributes)}
     for one in attributes_of(columns.scalars, Domain.FACE, names):
         kind = Kind.LABEL if one.name == TEXTURE_NUMBER and one.values.dtype.kind in "iu" else one.kind
