@@ -77,11 +77,11 @@ class Mesh:
         _check_shape("faces", face_array)
         if len(vertex_array) == 0:
             raise MeshError("the mesh has no vertices")
-        bad_rows = np.flatnonzero(~np.isfinite(vertex_array).all(axis=1))
-        if len(bad_rows):
+        if not np.isfinite(vertex_array).all():
+            bad_rows = np.flatnonzero(~np.isfinite(vertex_array).all(axis=1))
             raise MeshError(f"vertex {bad_rows[0]} is not finite: {vertex_array[bad_rows[0]].tolist()}")
-        bad_rows = np.flatnonzero(((face_array < 0) | (face_array >= len(vertex_array))).any(axis=1))
-        if len(bad_rows):
+        if face_array.view(np.uint64).max(initial=0) >= len(vertex_array):  # there what is negative is large
+            bad_rows = np.flatnonzero(((face_array < 0) | (face_array >= len(vertex_array))).any(axis=1))
             row = face_array[bad_rows[0]]
             index = next(int(i) for i in row if not 0 <= i < len(vertex_array))
             raise MeshError(f"face {bad_rows[0]} names vertex {index}; the mesh has {len(vertex_array)} vertices")

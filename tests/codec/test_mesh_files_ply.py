@@ -42,7 +42,6 @@ SIX_HEADER = HEADER + b"element face 6\nproperty list uchar int vertex_indices\n
 TEXT_ROWS = b"0.0 0.0 0.0\n3.0 0.0 0.0\n0.0 2.0 0.0\n0.0 0.0 1.5\n3.0 2.0 1.5\n"
 SIX_ROWS = b"3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 4\n3 1 4 3\n3 2 3 4\n"
 ONE = ply(vertex(), face([0, 1, 2]))
-PROPERTIES = "\n".join(f"property {each}" for each in XYZ)
 
 READ_RIGHT: dict[str, tuple[bytes, int, int, float, str]] = {
     "blank lines": (SIX_HEADER + b"\n" + TEXT_ROWS + b"\n" + SIX_ROWS + b"\n\n", 5, 6, 18.866621, ""),
@@ -88,13 +87,7 @@ READ_RIGHT: dict[str, tuple[bytes, int, int, float, str]] = {
         "",
     ),
     "a comment that is not UTF-8": (ONE.replace(b"element v", b"comment Gr\xf6\xdfe\nelement v"), 3, 1, 0.5, ""),
-    "header lines that end in CR": (
-        ply(vertex(), face([0, 1, 2]), style=Style(LITTLE, b"\r")),
-        3,
-        1,
-        0.5,
-        "",
-    ),
+    "header lines that end in CR": (ply(vertex(), face([0, 1, 2]), style=Style(LITTLE, b"\r")), 3, 1, 0.5, ""),
     "a header line without comment": (
         ONE.replace(b"element v", b"Created by Some Exporter 1.0\nelement v"),
         3,
@@ -168,6 +161,14 @@ REFUSED: dict[str, tuple[bytes, str]] = {
         ply(vertex([(*row, 0, 0, 0, 0) for row in TRIANGLE], *SPLAT), form=LITTLE),
         "this is a Gaussian splat, not a mesh: 3 points",
     ),
+    "a packed Gaussian splat": (
+        ply(
+            Element("chunk", ["float min_x"], [(0,)]),
+            Element("vertex", [f"uint packed_{each}" for each in ("position", "rotation", "scale")], [(1, 2, 3)] * 256),
+            form=LITTLE,
+        ),
+        "this is a Gaussian splat, not a mesh: 256 points without faces; chunk: 1 rows, not read",
+    ),
     "a grid without faces": (
         ply(vertex(), Element("range_grid", [INDICES], [([0],)] * 100)),
         "3 points without faces .*range_grid: 100 rows, not read",
@@ -189,8 +190,8 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "an index out of range": (ply(vertex(), face([0, 1, 2], [0, 1, 3])), r"row 1 of face \(line 14\) names vertex 3"),
     "an index below zero": (ply(vertex(), face([0, 1, 2], [0, -1, 2])), r"row 1 of face \(line 14\) names vertex -1"),
     "an index out of range, binary": (
-        ply(vertex(), face([0, 1, 2], [0, 1, 3], [0, 1, 2]), form=BIG),
-        "row 1 of face names vertex 3; there are 3",
+        ply(vertex(), face([0, 1, 3]), form=BIG),
+        "row 0 of face names vertex 3; there are 3",
     ),
     "an index with a fraction": (ONE.replace(b"3 0 1 2", b"3 0 1 1.5"), r"row 0 of face \(line 13\) names vertex 1.5"),
     "a strip out of range": (

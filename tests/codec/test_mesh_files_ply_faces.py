@@ -121,8 +121,8 @@ def test_values_of_faces_follow_their_triangles() -> None:
     scene, notes = read(ply(vertex(SQUARE), face(*rows, more=more)))
     mesh = scene.mesh()
     assert notes == [
-        "1 faces have fewer than three different corners: left out",
-        "1 faces have texture coordinates for another number of corners: these are not read",
+        "faces of fewer than three different corners: 1, left out",
+        "faces with texture coordinates for another number of corners: 1, of these none are read",
     ]
     assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [2, 1, 0], [0, 1, 3]]
     found = {one.name: one for one in mesh.attributes}

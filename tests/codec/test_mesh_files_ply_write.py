@@ -186,10 +186,10 @@ def test_what_has_no_value_is_told() -> None:
     assert found.attributes[0].rows().tolist() == [0, 1, 2, NONE, NONE, NONE]
     rows[1, 0] = 1
     found, notes = written(square(Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.CORNER, texcoords.values, rows)))
-    assert notes == ("TEXCOORD_0: 2 corners have no value, written as 0",)
+    assert notes == ("TEXCOORD_0: corner values that are missing are written as 0 (2)",)
     assert found.attributes[0].per_element().tolist()[3:] == [[2.0, 3.0], [0, 0], [0, 0]]
     _, notes = written(square(of_vertices("a", Kind.SCALAR, [[1.0]], indices=np.array([0, NONE, 0, 0]))))
-    assert notes == ("a: 1 elements have no value, written as 0",)
+    assert notes == ("a: vertex values that are missing are written as 0 (1)",)
 
 
 def test_names_and_widths_that_the_format_lacks() -> None:
@@ -257,7 +257,7 @@ def test_textures_never_leave_the_folder_or_replace_the_mesh(names: tuple[str, .
 
 def test_materials_without_textures_are_told() -> None:
     result = write_ply(textured([0, 1], "a", "b", texture="other"), "mesh.ply")
-    assert result.notes == ("2 materials: of these only textures are kept",)
+    assert result.notes == ("materials (2): of these only textures are kept",)
     assert result.companions == {}
     assert b"texnumber" not in result.data
     one = write_ply(textured([0, NONE], "a.png"), "mesh.ply")

@@ -16,7 +16,7 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.mesh_files.ply_attributes import POSITION, TEXTURE_NUMBER, attributes_of, table
+from meshtide_codec.mesh_files.ply_attributes import CORNER_TEXCOORDS, POSITION, TEXTURE_NUMBER, attributes_of, table
 from meshtide_codec.mesh_files.ply_faces import PlyFaces, faces_of, triangles_of_strips
 from meshtide_codec.mesh_files.ply_header import read_header
 from meshtide_codec.mesh_files.ply_rows import Columns, RowReader, Stored
@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 __all__ = ["read_ply", "write_ply"]
 
 _READ = ("vertex", "face", "tristrips")
-_SPLAT = {"f_dc_0", "opacity", "scale_0", "rot_0"}
+_SPLATS = ({"f_dc_0", "opacity", "scale_0", "rot_0"}, {"packed_position", "packed_rotation", "packed_scale"})
+"""Properties of points of Gaussian splats, plain and packed."""
 _TEXTURE_FILE = re.compile(r"texturefile\s+(.+)", re.IGNORECASE)
 _IMAGE_TYPES = ((b"\x89PNG", "image/png"), (b"\xff\xd8\xff", "image/jpeg"))
 
@@ -61,7 +62,7 @@ def read_ply(source: Source, limits: FileLimits) -> Scene:
     body.finish()
     vertices = _positions(columns["vertex"])
     others = {name: values for name, values in columns["vertex"].scalars.items() if name.lower() not in POSITION}
-    taken = ["TEXCOORD_0"] if face and any(one.name == "texcoord" and one.length for one in face.properties) else []
+    taken = ["TEXCOORD_0"] if CORNER_TEXCOORDS in columns.get("face", Columns({}, {})).lists else []
     attributes = attributes_of(others, Domain.VERTEX, taken)
     for name in columns["vertex"].lists:
         source.note(f"the list {name} of vertices: not read")
@@ -84,15 +85,15 @@ def _refuse_what_is_no_mesh(header: PlyHeader) -> None:
     if vertex is None or vertex.count == 0:
         raise MeshFileError("it declares no vertices: there is no mesh in it")
     names = {one.name.lower() for one in vertex.properties if one.length is None}
+    faces = any(one is not None and one.count for one in (header.element("face"), header.element("tristrips")))
+    others = "".join(f"; {_unread(one)}" for one in header.elements if one.count and one.name.lower() not in _READ)
+    if not faces and any(names >= each for each in _SPLATS):
+        raise MeshFileError(f"this is a Gaussian splat, not a mesh: {vertex.count} points without faces{others}")
     missing = [name for name in POSITION if name not in names]
     if missing:
         raise MeshFileError(f"its vertices have no property {missing[0]}")
-    if any(one is not None and one.count for one in (header.element("face"), header.element("tristrips"))):
-        return
-    others = "".join(f"; {_unread(one)}" for one in header.elements if one.count and one.name.lower() not in _READ)
-    if names >= _SPLAT:
-        raise MeshFileError(f"this is a Gaussian splat, not a mesh: {vertex.count} points without faces{others}")
-    raise MeshFileError(f"there are {vertex.count} points without faces in it: not a mesh{others}")
+    if not faces:
+        raise MeshFileError(f"there are {vertex.count} points without faces in it: not a mesh{others}")
 
 
 def _unread(element: PlyElement) -> str:
@@ -179,7 +180,7 @@ def _positions(columns: Columns) -> NDArray[np.float64]:
     spelled = {name.lower(): name for name in columns.scalars}
     found = [columns.scalars[spelled[name]] for name in POSITION]
     with np.errstate(invalid="ignore"):
-        return table([each.astype(np.float64) for each in found])
+        return table(found, np.float64)
 
 
 def _scene(

@@ -15,7 +15,7 @@ from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
+    from numpy.typing import DTypeLike, NDArray
 
     from meshtide_codec.mesh_files.ply_rows import ListColumn
 
@@ -49,6 +49,8 @@ TEXCOORDS = (
     Meaning(Kind.TEXCOORD, ("u", "v")),
     Meaning(Kind.TEXCOORD, ("texture_u", "texture_v")),
 )
+_BLOCK = 1 << 14
+"""Rows that are copied at a time: columns of a binary file lie within each other, and stay in the cache so."""
 _NAMES = {Kind.COLOR: "COLOR_{}", Kind.NORMAL: "NORMAL", Kind.TEXCOORD: "TEXCOORD_{}"}
 
 
@@ -104,11 +106,13 @@ def _named(
     return Attribute(own, kind, domain, values, normalized=normalized, extra=extra)
 
 
-def table(columns: list[NDArray[Any]]) -> NDArray[Any]:
-    """Columns (rows,) side by side (rows, c), in native byte order."""
-    values = np.empty((len(columns[0]), len(columns)), columns[0].dtype.newbyteorder("="))
-    for place, column in enumerate(columns):
-        values[:, place] = column
+def table(columns: list[NDArray[Any]], kind: DTypeLike | None = None) -> NDArray[Any]:
+    """Columns (rows,) side by side (rows, c), of another type or in native byte order."""
+    values = np.empty((len(columns[0]), len(columns)), kind or columns[0].dtype.newbyteorder("="))
+    for begin in range(0, len(values), _BLOCK):
+        block = slice(begin, begin + _BLOCK)
+        for place, column in enumerate(columns):
+            values[block, place] = column[block]
     return values
 
 

@@ -34,6 +34,8 @@ _INDEX_LISTS = (
     "vertices",
     "indices",
 )
+_BLOCK = 1 << 14
+"""Rows that are converted at a time, so that they are still in the processor's cache when they are looked at."""
 _NO_VERTEX = -1
 """What ends a strip of triangles, so that another begins."""
 
@@ -91,28 +93,29 @@ def faces_of(
         MeshFileError: no list tells the vertices, a vertex is none of the mesh, or there are too many.
     """
     name = index_list(columns, "face")
-    outlines = columns.lists[name]
-    counts = outlines.counts
-    corners = indices_of(outlines, len(vertices), place)
-    if corners.ndim == 1 and (counts == 3).all():
-        corners = corners.reshape(-1, 3)
+    counts = columns.lists[name].counts
+    corners = indices_of(columns.lists[name], len(vertices), place)
     notes = [f"the list {each} of faces: not read" for each in columns.lists if each not in (name, CORNER_TEXCOORDS)]
+    del columns.lists[name]  # the indices are there twice otherwise
     triangles, places, polygon, inner = corners, None, None, None
-    if corners.ndim != 2 or corners.shape[1] != 3:
+    if corners.ndim == 1 and (counts == 3).all():
+        triangles = corners.astype(np.int64, copy=False).reshape(-1, 3)
+    elif corners.ndim == 1 or corners.shape[1] != 3:
         limits.check("faces", int(np.maximum(counts - 2, 0).sum()))
         flat = corners.reshape(-1)
         cut = triangulated(vertices, counts, flat)
-        triangles, inner = flat[cut.corners], cut.inner
-        if len(cut.polygon) != len(counts) or inner is not None or cut.degenerate:
-            places, polygon = cut.corners, cut.polygon
+        places, polygon, inner = cut.corners, cut.polygon, cut.inner
+        triangles = places.copy() if CORNER_TEXCOORDS in columns.lists else places
+        for begin in range(0, len(triangles), _BLOCK):
+            triangles[begin : begin + _BLOCK] = flat[triangles[begin : begin + _BLOCK]]
         if cut.degenerate:
-            notes.append(f"{cut.degenerate} faces have fewer than three different corners: left out")
+            notes.append(f"faces of fewer than three different corners: {cut.degenerate}, left out")
     attributes = []
     if CORNER_TEXCOORDS in columns.lists:
         attribute, odd = corner_texcoords(columns.lists[CORNER_TEXCOORDS], counts, places, polygon)
         attributes.append(attribute)
         if odd:
-            notes.append(f"{odd} faces have texture coordinates for another number of corners: these are not read")
+            notes.append(f"faces with texture coordinates for another number of corners: {odd}, of these none are read")
     names = {*taken, *(one.name for one in attributes)}
     for one in attributes_of(columns.scalars, Domain.FACE, names):
         kind = Kind.LABEL if one.name == TEXTURE_NUMBER and one.values.dtype.kind in "iu" else one.kind
@@ -140,7 +143,7 @@ def index_list(columns: Columns, element: str) -> str:
 
 
 def indices_of(column: ListColumn, count: int, place: Callable[[int], str], restart: int | None = None) -> NDArray[Any]:
-    """The lists as int64, in the shape of their items, each an index into `count` vertices.
+    """The lists in the shape of their items, each item an index into `count` vertices.
 
     Args:
         column: the lists, of any numeric type.
@@ -148,25 +151,33 @@ def indices_of(column: ListColumn, count: int, place: Callable[[int], str], rest
         place: of a row, for messages.
         restart: what may stand in place of an index.
 
+    Returns:
+        Signed integers: int64, but of lists of several lengths int32 where that is enough.
+
     Raises:
         MeshFileError: an item is no index of a vertex.
     """
     items = column.items
-    indices = np.empty(items.shape, np.int64)
-    with np.errstate(invalid="ignore"):
-        for part in range(items.shape[1]) if items.ndim == 2 else (slice(None),):
-            indices[..., part] = items[..., part]
+    few = items.ndim == 1 and items.dtype.kind in "iu" and items.dtype.itemsize <= 4
+    indices = np.empty(items.shape, np.int32 if few else np.int64)
+    unsigned = indices.view(np.uint32 if few else np.uint64)  # there what is negative is large
+    largest = 0
+    for begin in range(0, len(items), _BLOCK):
+        block = slice(begin, begin + _BLOCK)
+        with np.errstate(invalid="ignore"):
+            for part in range(items.shape[1]) if items.ndim == 2 else (...,):
+                indices[block, part] = items[block, part]
+        largest = max(largest, int(unsigned[block].max(initial=0)))
     if restart is not None and items.dtype.kind == "u":
         indices[items == np.iinfo(items.dtype).max] = restart
-    largest = int(indices.view(np.uint64).max(initial=0))  # what is negative is large
-    wrong = None
+    if largest < count and items.dtype.kind != "f":
+        return indices
+    wrong: NDArray[np.bool_] = (indices < 0) | (indices >= count)
     if items.dtype.kind == "f":
-        wrong = (indices != items) | (indices < 0) | (indices >= count)
-    elif largest >= count:
-        wrong = (indices < 0) | (indices >= count)
-    if wrong is not None and restart is not None:
+        wrong |= indices != items
+    if restart is not None:
         wrong &= indices != restart
-    if wrong is not None and wrong.any():
+    if wrong.any():
         first = int(wrong.reshape(-1).argmax())
         row = int(np.searchsorted(np.cumsum(column.counts), first, side="right"))
         raise MeshFileError(f"{place(row)} names vertex {items.reshape(-1)[first]}; there are {count}")

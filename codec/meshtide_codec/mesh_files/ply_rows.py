@@ -116,7 +116,7 @@ class RowReader:
         return at
 
     def columns(self) -> Columns:
-        """All rows that were taken, as columns of the declared types; what these do not hold stays a double."""
+        """All rows that were taken, as columns of the declared types in any byte order; what does not fit is double."""
         scalars: dict[str, NDArray[Any]] = {}
         lists: dict[str, ListColumn] = {}
         for one, pieces in zip(self._element.properties, self._pieces, strict=True):
@@ -249,11 +249,11 @@ class RowReader:
 
     def _as_declared(self, values: NDArray[Any], kind: np.dtype[Any], name: str) -> NDArray[Any]:
         """The values in the type that the header declares; as they are, where it does not hold them."""
-        if values.dtype == kind:
-            return values
+        if values.dtype.newbyteorder("=") == kind:
+            return values  # in the order of the file: whoever copies them turns them round on the way
         with np.errstate(all="ignore"):  # a number that float does not hold becomes infinite, which is told later
             declared = values.astype(kind)
-            if kind.kind == "f" or values.dtype.newbyteorder("=") == kind:
+            if kind.kind == "f":
                 return declared
             if not (declared == values).all() or _rounded(values, kind):
                 self.inexact.add(name)

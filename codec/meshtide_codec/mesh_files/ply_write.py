@@ -206,7 +206,7 @@ def _add(rows: _Rows, one: Attribute, notes: list[str]) -> None:
     values = one.per_element()
     if one.indices is not None and (one.indices == NONE).any():
         missing = int((one.indices == NONE).sum())
-        notes.append(f"{one.name}: {missing} elements have no value, written as 0")
+        notes.append(f"{one.name}: {rows.domain} values that are missing are written as 0 ({missing})")
     width = values.shape[1]
     meanings: Sequence[Meaning] = {Kind.COLOR: COLORS, Kind.NORMAL: NORMALS, Kind.TEXCOORD: TEXCOORDS}.get(one.kind, ())
     if one.kind is Kind.TEXCOORD and rows.domain is Domain.FACE:
@@ -234,7 +234,7 @@ def _textures(scene: Scene, mesh: Mesh, notes: list[str]) -> tuple[list[Image], 
     used = sorted({each for each in shown if each is not None})
     plain = all(set(each.properties) <= {"pbrMetallicRoughness"} for each in scene.materials)
     if not plain or None in shown:
-        notes.append(f"{len(scene.materials)} materials: of these only textures are kept")
+        notes.append(f"materials ({len(scene.materials)}): of these only textures are kept")
     numbers = np.array([NONE if each is None else used.index(each) for each in shown] + [NONE])
     of_faces = numbers[np.minimum(mesh.materials, len(shown))]
     return [scene.images[each] for each in used], of_faces if used and of_faces.any() else None
@@ -295,7 +295,7 @@ def _texcoord_lists(one: Attribute, outlines: _Outlines, notes: list[str]) -> _L
     kept = np.repeat(present, outlines.counts)
     lacking = int((rows[kept] == NONE).sum())
     if lacking:
-        notes.append(f"{one.name}: {lacking} corners have no value, written as 0")
+        notes.append(f"{one.name}: corner values that are missing are written as 0 ({lacking})")
     values = replace(one, domain=Domain.FACE, indices=rows[kept]).per_element()
     kind = values.dtype.newbyteorder("<")
     return _Lists(CORNER_TEXCOORDS, np.where(present, 2 * outlines.counts, 0), values.reshape(-1).astype(kind))

@@ -108,15 +108,14 @@ def _checked(mesh: Mesh, told: Sequence[str], *, keep_unreferenced: bool) -> Sce
     if len(mesh.vertices) == 0:
         raise MeshFileError("there are no vertices in it")
     used = np.zeros(len(mesh.vertices), bool)
-    used[mesh.faces] = True
-    unfinished = ~np.isfinite(mesh.vertices).all(axis=1) & ~used
-    if unfinished.any():
+    used[mesh.faces.reshape(-1)] = True
+    if not np.isfinite(mesh.vertices).all() and (unfinished := ~np.isfinite(mesh.vertices).all(axis=1) & ~used).any():
         count = int(unfinished.sum())
         notes.append(f"{count} {'vertex is' if count == 1 else 'vertices are'} not finite and of no face: left out")
         mesh, used = mesh.with_vertices(~unfinished), used[~unfinished]
     mesh = Mesh.checked(mesh.vertices, mesh.faces, mesh.attributes, mesh.materials, mesh.polygons)
     unreferenced = 0 if keep_unreferenced or not used.any() else int((~used).sum())
-    return SceneMesh(mesh if keep_unreferenced else mesh.referenced(), unreferenced, tuple(notes))
+    return SceneMesh(mesh.with_vertices(used) if unreferenced else mesh, unreferenced, tuple(notes))
 
 
 def load_mesh(
