@@ -136,6 +136,7 @@ _STREAMS = {
         "obtZAAIGCg4SFhoeIiYqLjI2Oj5CRkoASkpKSkpKSkpKSkpKSkpKSkpKSgIFVVVVVVVVVQ8ABQUFBQBgjPn6DAvtAQDuAGCM"
         "JiVOTXQBAHMAAAAAAAAAAAAAAAAAAAAAAADoAwAAAQA="
     ),
+    "version 1, turned words": "oWoCATFxMfExcTEPDwAfAQMBAAAAAAAAAAAAAAAAAAAAAAAAALl5N55C",
     "version 1, floats": (
         "oX9/WgDckOMqThyHNFgf5owX9E25dTZESeVpqQD57dCHYlpBXjmw0JcE/WJJk16LDNC88QAB/H52QjQwKiQeCgYCAQcVJzVB"
         "UcPTEwACAILAAAH/AD7+dBNkvgxCzCjI2dJM9AziLUtzT+06AAsdHQi/9eRiQ/QWF0JvcIcCkcNj/IYOAPwF4cqKiE5GQjoW"
@@ -152,6 +153,8 @@ def fixed_attributes(name: str) -> tuple[bytes, NDArray[np.uint8]]:
         floats = np.concatenate([curve, curve * curve, np.round(curve)], axis=1)
         return base64.b64decode(_STREAMS[name]), floats.view(np.uint8)
     i = np.arange(20)
+    if name == "version 1, turned words":
+        return base64.b64decode(_STREAMS[name]), (i << 20 ^ 0x9E3779B9).astype("<u4")[:, None].view(np.uint8)
     columns = [i * i, i * 37, 1000 - i * 3, np.where(i % 5, 0, i * 999)]
     return base64.b64decode(_STREAMS[name]), np.stack(columns, axis=1).astype("<u2").view(np.uint8)
 

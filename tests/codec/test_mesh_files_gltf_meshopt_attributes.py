@@ -53,7 +53,9 @@ def test_what_is_encoded_is_decoded(
     assert np.array_equal(decoded(stream, count, stride), rows)
 
 
-@pytest.mark.parametrize("name", ["version 0", "version 1, bytes and words", "version 1, floats"])
+@pytest.mark.parametrize(
+    "name", ["version 0", "version 1, bytes and words", "version 1, turned words", "version 1, floats"]
+)
 def test_streams_of_meshoptimizer_are_decoded(name: str) -> None:
     stream, rows = fixed_attributes(name)
     assert np.array_equal(decoded(stream, *rows.shape), rows)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-_PIECE = 1 << 14
+_PIECE = 1 << 12
 """Vertices that are moved at a time: a matrix of each takes 128 bytes."""
 
 
