@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn, TransferSpeedColumn
 
-from meshtide_codec.compilation import announced_compilation
 from meshtide_codec.command_line import LONGEST_EXPLANATION
+from meshtide_codec.compilation import announced_compilation
 from meshtide_codec.printable import printable, shown
 
 if TYPE_CHECKING:

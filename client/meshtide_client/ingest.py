@@ -89,7 +89,9 @@ def ingest(
         results[result.file] = result
         progress(result)
 
-    plan = IngestPlan(files, list_meshes(url, timeout=timeout, token=token, ca_file=ca_file), replace=replace, tell=tell)
+    plan = IngestPlan(
+        files, list_meshes(url, timeout=timeout, token=token, ca_file=ca_file), replace=replace, tell=tell
+    )
     with WebClient(server, timeout=timeout, token=token, ca_file=ca_file) as client:
         upload = _Upload(client, server, dict(options or {}))
         with _pool(parallel, upload) as pool:

@@ -154,7 +154,9 @@ def _page(client: WebClient, server: ServerAddress, query: list[Parameter]) -> _
     try:
         answer = _get(client, server.listing_url, query)
         if answer.value is None:
-            raise ProtocolError(f"{without_secrets(server.listing_url)} does not list meshes (no JSON); check the address")
+            raise ProtocolError(
+                f"{without_secrets(server.listing_url)} does not list meshes (no JSON); check the address"
+            )
     except PeerError:
         raise
     except ProtocolError as error:

@@ -18,7 +18,15 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage, InvalidStatus, WebSocketException
+from websockets.exceptions import (
+    ConnectionClosed,
+    InvalidHandshake,
+    InvalidMessage,
+    InvalidStatus,
+    InvalidURI,
+    SecurityError,
+    WebSocketException,
+)
 
 from meshtide_client.content_coding import read_body
 from meshtide_client.credentials import authorization, find_token
@@ -113,12 +121,11 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
         ProtocolError: something answers that is not a meshtide server.
         PeerError: the server refused.
     """
-    context = tls_context(link.ca_file) if address.server.secure else None
+    secured = {"ssl": tls_context(link.ca_file)} if address.server.secure else {}
     place = without_secrets(address.stream_url)
     try:
         connection = await connect(
             address.stream_url,
-            ssl=context,
             additional_headers=authorization(link.token),
             compression=None,  # packets are compressed
             max_size=LARGEST_MESSAGE,
@@ -128,6 +135,7 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
             close_timeout=_CLOSE_SECONDS,
             proxy=None if address.server.is_loopback else True,
             create_connection=Connection,
+            **secured,
         )
         assert isinstance(connection, Connection)  # noqa: S101 - made right above
     except InvalidStatus as error:
@@ -146,12 +154,18 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
             "speaks no websockets" if "HTTP/1.0" in str(error.__cause__) else "is not a web server; check the address"
         )
         raise ProtocolError(f"what answers at {address.server} {what}") from error
+    except SecurityError as error:
+        raise ProtocolError(f"{place} is redirected to an address without TLS; that is not followed") from error
     except InvalidHandshake as error:
-        raise ProtocolError(f"{place} does not answer as a websocket: {error}") from error
+        raise ProtocolError(f"{place} does not answer as a websocket: {without_secrets(str(error))}") from error
     except TimeoutError as error:
         raise TransferError(f"{address.server} did not answer within {link.timeout:g} seconds") from error
-    except (OSError, WebSocketException) as error:
+    except OSError as error:  # a certificate that is refused is a ValueError too
         raise TransferError(f"cannot connect to {address.server}: {distrust(error) or _reason(error)}") from error
+    except (InvalidURI, ValueError) as error:
+        raise ProtocolError(f"{place} is redirected to what is no address of a stream") from error
+    except WebSocketException as error:
+        raise TransferError(f"cannot connect to {address.server}: {without_secrets(_reason(error))}") from error
     return connection
 
 

@@ -94,6 +94,8 @@ class WebClient:
         """
         try:
             with self._client.stream(method, url, follow_redirects=method == "GET", **more) as response:
+                if self._server.secure and response.url.scheme != "https":
+                    raise ProtocolError(f"{self._server} redirects to an address without TLS; that is not followed")
                 coding = response.headers.get("Content-Encoding", "")
                 body = read_body(response.iter_raw(), coding, str(self._server), largest)
                 return Answer(response.status_code, response.headers, body, response.links)

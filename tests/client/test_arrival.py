@@ -291,11 +291,19 @@ def frames_of(source: MadeUpStream, count: int, *, credit: int = 1 << 20) -> lis
 SMALL = MadeUpStream((30, 50, 20, 40))
 DONE = encode_message(Done(99, 10**6, more=False))
 LIES: dict[str, tuple[list[bytes], type[Exception], str]] = {
-    "done early": ([*frames_of(SMALL, 3), DONE], ProtocolError, "says that all is sent, but 2 of 4 packets are missing"),
+    "done early": (
+        [*frames_of(SMALL, 3), DONE],
+        ProtocolError,
+        "says that all is sent, but 2 of 4 packets are missing",
+    ),
     "done at once": ([*frames_of(SMALL, 1), DONE], ProtocolError, "4 of 4 packets are missing"),
     "done first": ([DONE], ProtocolError, "all is sent before the header was"),
     "repeats a packet": ([*frames_of(SMALL, 3), frames_of(SMALL, 3)[2]], ProtocolError, "packet 1 was not asked for"),
-    "leaves one out": ([*frames_of(SMALL, 2), frames_of(SMALL, 4)[3]], ProtocolError, "packet 2 arrived where packet 1"),
+    "leaves one out": (
+        [*frames_of(SMALL, 2), frames_of(SMALL, 4)[3]],
+        ProtocolError,
+        "packet 2 arrived where packet 1",
+    ),
     "says nothing": ([*frames_of(SMALL, 3), b"wait"], TransferError, "nothing came from"),
     "closes cleanly": (frames_of(SMALL, 3), TransferError, "the connection to .* was lost"),
     "gives up": ([*frames_of(SMALL, 3), error_frame("gone", "no more")], PeerError, "no more"),

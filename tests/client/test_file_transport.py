@@ -209,7 +209,9 @@ async def test_a_file_that_ends_early_is_told_with_what_is_missing(
             await levels(url, transport=transport, resume=path)
     entry = ENCODED.header.packets[held]
     left = len(WHOLE) - int(offsets[held])
-    assert f"{COUNT - held} of {COUNT} packets are missing ({left} bytes, from level {entry.level} on" in str(caught.value)
+    assert f"{COUNT - held} of {COUNT} packets are missing ({left} bytes, from level {entry.level} on" in str(
+        caught.value
+    )
     assert (caught.value.level, caught.value.packet) == (entry.level, entry.kind.label)
     assert "is kept in" in str(caught.value)
     assert path.read_bytes() == part[:-1]

@@ -15,7 +15,7 @@ from meshtide_client.listing import list_meshes
 from meshtide_client.streaming import stream
 from meshtide_client.tls import distrust, named_authorities, tls_context
 from meshtide_client.transport import Link
-from meshtide_codec.errors import MeshtideError, OptionError, TransferError
+from meshtide_codec.errors import MeshtideError, OptionError, ProtocolError, TransferError
 from scripted_server import Reply, scripted_server
 from streams import encoded_grid
 from web_server import WebServer, web_server
@@ -82,7 +82,9 @@ async def test_files_of_a_private_authority(
         assert server.requests == []
         if named == "environment":
             monkeypatch.setenv("SSL_CERT_FILE", str(authority.file))
-        assert await levels(f"{server.url}/vase.tide", authority.file if named == "option" else None, transport) == LEVELS
+        assert (
+            await levels(f"{server.url}/vase.tide", authority.file if named == "option" else None, transport) == LEVELS
+        )
 
 
 @pytest.mark.parametrize("named", ["option", "environment"])
@@ -120,7 +122,11 @@ def test_requests_to_a_private_authority(
         asked.append(f"{method} {path}")
         if method == "POST":
             return Reply(202, b'{"id": "abc", "mesh": "vase", "state": "done"}')
-        return Reply(200, json.dumps(MESH).encode()) if method == "PATCH" else Reply(200, b"[]" if method == "GET" else b"")
+        return (
+            Reply(200, json.dumps(MESH).encode())
+            if method == "PATCH"
+            else Reply(200, b"[]" if method == "GET" else b"")
+        )
 
     ask = REQUESTS[name]
     with scripted_server(answer, authority.server) as url:
@@ -132,6 +138,20 @@ def test_requests_to_a_private_authority(
         monkeypatch.setenv("SSL_CERT_FILE", str(authority.file))
         ask(url, None, tmp_path)
     assert len(asked) == 2 * done > 0
+
+
+async def test_redirects_to_addresses_without_tls_are_not_followed(authority: Authority) -> None:
+    """Nor is what they lead to believed, wherever it lies."""
+    with web_server(WebServer(WHOLE)) as plain:
+        reply = Reply(302, headers={"Location": f"{plain.url}/meshes"})
+        with scripted_server(lambda *_: reply, authority.server) as url:
+            for transport in ("websocket", "http", "download"):
+                with pytest.raises(
+                    ProtocolError, match="is redirected to an address without TLS|is redirected to what is no address"
+                ):
+                    await levels(f"{url}/meshes/vase", authority.file, transport)
+            with pytest.raises(ProtocolError, match="redirects to an address without TLS"):
+                list_meshes(url, ca_file=authority.file)
 
 
 def test_a_folder_of_authorities(authority: Authority, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

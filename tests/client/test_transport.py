@@ -324,6 +324,7 @@ async def test_a_connection_that_breaks_is_told(listening: Callable[..., Any]) -
         with pytest.raises(TransferError, match="it closed without a word"):
             await receive(address)
 
+
 @pytest.mark.parametrize("frame", [b"\x89\x7d" + bytes(125), b"\x00\x00"], ids=["pings", "empty fragments"])
 async def test_bytes_that_are_no_message_are_no_news(frame: bytes, listening: Callable[..., Any]) -> None:
     """Control frames and fragments without content keep a connection busy; they do not keep a client waiting."""

@@ -52,7 +52,9 @@ def edit(
     if tag and no_tags:
         raise OptionError("--tag and --no-tags say the opposite; give one of them")
     wanted = [] if no_tags else tag
-    mesh = change_mesh(url, name=name, tags=wanted, licence=licence, timeout=timeout, token=find_token(token_file), ca_file=ca_file)
+    mesh = change_mesh(
+        url, name=name, tags=wanted, licence=licence, timeout=timeout, token=find_token(token_file), ca_file=ca_file
+    )
     if as_json:
         typer.echo(json_text(asdict(mesh)))
     else:
