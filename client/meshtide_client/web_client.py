@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import httpx
 
@@ -79,7 +79,7 @@ class WebClient:
             headers={"Accept-Encoding": ACCEPTED, **authorization(token)},
         )
 
-    def __enter__(self) -> WebClient:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

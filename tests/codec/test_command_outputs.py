@@ -8,15 +8,18 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from click.testing import Result
 
 from command_runner import meshtide
 from meshes import grid
 from meshtide_codec.decoder import decode
 from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.mesh_files import load_mesh, save_mesh
+
+if TYPE_CHECKING:
+    from click.testing import Result
 
 QUICK = ("--profile", "classic", "--bits", 8, "--coarsest-vertices", 12)
 
