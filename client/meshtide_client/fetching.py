@@ -26,7 +26,7 @@ from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.mesh_files import is_mesh_path, save_mesh
 from meshtide_codec.mesh_files.formats import SUFFIXES as MESH_SUFFIXES
 from meshtide_codec.output_files import orderly_termination
-from meshtide_codec.output_policy import output_file, output_folder
+from meshtide_codec.output_policy import check_apart, output_file, output_folder
 from meshtide_codec.printable import shown
 from meshtide_codec.stream.container import MAGIC, PREAMBLE_BYTES
 
@@ -117,7 +117,9 @@ class Destination:
             OSError: a folder may not be written.
         """
         read = [address.location] if isinstance(address, TideAddress) and address.kind == "local" else []
-        self.check_output(*read, *([] if self.stream_file is None else [self.stream_file]))
+        if self.output is not None:
+            check_apart(self.output, self.stream_file)
+        self.check_output(*read)
         if self.partial_path is not None:
             output_file(self.partial_path, read, overwrite=self.overwrite, own=_is_download)
         if self.keep_levels is not None:

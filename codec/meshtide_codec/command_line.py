@@ -84,22 +84,22 @@ def run(app: typer.Typer) -> NoReturn:
     try:
         app(standalone_mode=True)
     except (MeshtideError, OSError) as error:
-        if _is_unread_output(error):
-            _end(ExitCode.OK)
-        _complain(f"meshtide: {explanation(error)}")
-        _end(exit_code(error))
+        _end_with(error)
     except SystemExit as ending:
-        if _is_unread_output(ending.__context__):  # typer and rich make it an exit with code 1
-            _end(ExitCode.OK)
+        if isinstance(ending.__context__, BrokenPipeError):  # typer and rich make it a silent exit with code 1
+            _end_with(ending.__context__)
         if ending.code == ExitCode.INTERRUPTED:  # typer turns Ctrl-C into a silent exit with this code
             _complain("meshtide: interrupted")
         _end(ending.code)
     _end(ExitCode.OK)
 
 
-def _is_unread_output(error: BaseException | None) -> bool:
-    """Whether the reader of standard output has gone, as `head` does; a pipe that the user named is another matter."""
-    return isinstance(error, BrokenPipeError) and error.filename is None
+def _end_with(error: MeshtideError | OSError) -> NoReturn:
+    """Explain an error and exit; that the reader of standard output has gone, as `head` does, is none."""
+    if isinstance(error, BrokenPipeError) and error.filename is None:
+        _end(ExitCode.OK)
+    _complain(f"meshtide: {explanation(error)}")
+    _end(exit_code(error))
 
 
 def _end(code: int | str | None) -> NoReturn:

@@ -75,7 +75,7 @@ def output_file(
 
     Args:
         path: the output, named by the user or by default.
-        inputs: what the command reads, and what it writes besides; what is no file is passed over.
+        inputs: what the command reads; what is no file is passed over.
         overwrite: whether the user wants existing files replaced.
         own: whether an existing file is the command's own product of the same source.
         standard_output: whether ``-`` stands for standard output.
@@ -139,6 +139,16 @@ def check_different(outputs: Iterable[tuple[str, Path | str]]) -> None:
                 f"{shown(first)} and {shown(source)} would both become {shown(name)}; rename one of them, or write "
                 "them to different folders"
             )
+
+
+def check_apart(path: Path, other: Path | None) -> None:
+    """Make sure that two outputs of one command are two files.
+
+    Raises:
+        OptionError: they are one.
+    """
+    if other is not None and is_same_file(path, other):
+        raise OptionError(f"{shown(path)} would be written twice, as {shown(other)} too; name two files")
 
 
 def is_same_file(path: Path | str, other: Path | str) -> bool:

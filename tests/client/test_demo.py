@@ -79,6 +79,18 @@ def test_the_check_passes_only_on_the_very_mesh() -> None:
             check(wrong)
 
 
+def test_files_that_are_there_are_left_alone(tmp_path: Path) -> None:
+    for name, draw in (("spot-level-3.ply", False), ("levels.png", True)):
+        (tmp_path / name).write_text("mine")
+        with pytest.raises(OptionError, match=f"{name} is there already"):
+            run_demo(tmp_path, "spot", draw=draw, overwrite=False)
+        assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
+        (tmp_path / name).unlink()
+    (tmp_path / "file").touch()
+    with pytest.raises(OptionError, match="is a file; name a folder"):
+        run_demo(tmp_path / "file", "spot")
+
+
 def test_an_unknown_sample_is_refused_before_anything_is_made(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="there is no sample 'teapot'"):
         run_demo(tmp_path / "new", "teapot")

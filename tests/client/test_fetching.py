@@ -132,10 +132,9 @@ async def test_the_partial_file_stays_when_the_output_cannot_be_written(
     serving: Callable[..., Any], source: Source, tmp_path: Path
 ) -> None:
     output = tmp_path / "vase.ply"
-    output.mkdir()
     async with serving(source) as server:
         with pytest.raises(OSError, match="directory") as caught:
-            await fetched(server, output)
+            await fetched(server, output, on_level=lambda _: output.mkdir(exist_ok=True))
     assert caught.value.filename == str(output)
     assert (tmp_path / "vase.ply.partial.tide").read_bytes() == source.whole
 
@@ -147,8 +146,100 @@ def test_an_unknown_format_is_told_before_anything_is_fetched(tmp_path: Path) ->
 
 
 def test_a_missing_folder_is_told_before_anything_is_fetched(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="the download was not started"):
+    with pytest.raises(OptionError, match="there is no folder") as caught:
         fetch("http://127.0.0.1:9/meshes/vase", tmp_path / "none" / "vase.ply")
+    assert "partial" not in str(caught.value)
+
+
+NOWHERE = "http://127.0.0.1:9/meshes/vase"
+
+
+def test_files_that_are_there_are_refused_before_anything_is_fetched(tmp_path: Path) -> None:
+    for name in ("vase.ply", "vase-level-3.ply", "notes.tide", "pot.ply.partial.tide"):
+        (tmp_path / name).write_text("kept")
+    for settings in (
+        {"output": tmp_path / "vase.ply"},
+        {"keep_levels": tmp_path},
+        {"stream_file": tmp_path / "notes.tide"},
+        {"output": tmp_path / "pot.ply"},
+        {"output": tmp_path},
+        {"keep_levels": tmp_path / "vase.ply"},
+    ):
+        with pytest.raises((OptionError, MeshFileError)):
+            fetch(NOWHERE, overwrite=False, **settings)  # type: ignore[arg-type]
+    with pytest.raises(TransferError, match="Connection refused"):
+        fetch(NOWHERE, tmp_path / "vase.ply", keep_levels=tmp_path, overwrite=True)
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"kept"}
+    assert len(names(tmp_path)) == 4
+
+
+def test_a_file_of_this_machine_is_not_written_while_it_is_read(source: Source, tmp_path: Path) -> None:
+    stream = tmp_path / "vase.ply.partial.tide"
+    stream.write_bytes(source.whole)
+    (tmp_path / "link.tide").symlink_to(stream)
+    os.link(stream, tmp_path / "hard.tide")
+    (tmp_path / "vase.ply").symlink_to(stream)
+    for settings in (
+        {"output": tmp_path / "vase.ply"},
+        {"stream_file": tmp_path / "link.tide"},
+        {"stream_file": tmp_path / "hard.tide"},
+        {"stream_file": stream},
+    ):
+        with pytest.raises(OptionError, match="is what is read"):
+            fetch(str(stream), **settings)  # type: ignore[arg-type]
+    (tmp_path / "vase.ply").unlink()
+    with pytest.raises(OptionError, match="is what is read"):
+        fetch(str(stream), tmp_path / "vase.ply")  # whose partial file is the source
+    assert stream.read_bytes() == source.whole
+    with pytest.raises(OptionError, match="would be written twice"):
+        fetch(NOWHERE, tmp_path / "both.ply", stream_file=tmp_path / "both.ply")
+
+
+async def test_an_output_that_came_meanwhile_stays(serving: Callable[..., Any], source: Source, tmp_path: Path) -> None:
+    output = tmp_path / "vase.ply"
+    async with serving(source) as server:
+        with pytest.raises(FileExistsError, match="in the meantime") as caught:
+            await fetched(server, output, overwrite=False, on_level=lambda _: output.write_text("of another"))
+    assert caught.value.filename == str(output)
+    assert output.read_text() == "of another"
+
+
+async def test_a_fetch_goes_on_without_a_word_and_replaces_with_one(
+    serving: Callable[..., Any], source: Source, tmp_path: Path
+) -> None:
+    output = tmp_path / "vase.ply"
+    (tmp_path / "vase.ply.partial.tide").write_bytes(source.whole[: len(source.whole) // 2])
+    async with serving(source) as server:
+        result = await fetched(server, output, overwrite=False)
+        assert result.received_bytes < len(source.whole) // 2 + 1000
+        with pytest.raises(OptionError, match="add --overwrite"):
+            await fetched(server, output, overwrite=False)
+        output.write_text("older")
+        await fetched(server, output, keep_levels=tmp_path / "levels", overwrite=True)
+        await fetched(server, output, keep_levels=tmp_path / "more", overwrite=True)
+    assert len(load_mesh(output).vertices) == result.figures.vertices
+    assert names(tmp_path) == ["levels", "more", "vase.ply"]
+
+
+async def test_levels_of_a_first_fetch_may_come_in_several_states(
+    serving: Callable[..., Any], source: Source, tmp_path: Path
+) -> None:
+    async with serving(source) as server:
+        result = await fetched(server, keep_levels=tmp_path / "levels", overwrite=False)
+        with pytest.raises(OptionError, match="is there already"):
+            await fetched(server, keep_levels=tmp_path / "levels", overwrite=False)
+    assert len(names(tmp_path / "levels")) == len({figures.level for figures in result.levels})
+
+
+def test_the_partial_file_of_a_long_name_is_short_enough(tmp_path: Path) -> None:
+    lengths = {}
+    for length in (100, 242, 243, 251):
+        path = Destination(tmp_path / ("n" * length + ".ply")).partial_path
+        assert path is not None
+        path.touch()
+        lengths[length] = len(path.name)
+    assert lengths == {100: 117, 242: 45, 243: 45, 251: 45}
+    assert len(names(tmp_path)) == 4
 
 
 def test_nothing_is_left_when_there_is_no_server(tmp_path: Path) -> None:

@@ -53,6 +53,15 @@ def test_an_unknown_command_is_a_usage_error() -> None:
     assert "swim" in done.stderr
 
 
+@pytest.mark.parametrize(
+    "command", ["encode", "decode", "compare", "fetch", "export", "demo", "render", "paper", "simulate"]
+)
+def test_every_command_that_writes_files_can_be_told_to_replace_them(command: str) -> None:
+    done = meshtide(command, "--help")
+    assert done.returncode == 0
+    assert "--overwrite" in done.stdout
+
+
 @pytest.mark.parametrize("command", ["fetch", "meshes", "demo"])
 def test_every_command_shows_an_example(command: str) -> None:
     done = meshtide(command, "--help")

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from meshes import grid
 from meshtide_client.paper.commands import register
 from meshtide_codec.command_line import ExitCode, exit_code
+from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import save_mesh
 from pictures import unpacked
 
@@ -58,8 +59,8 @@ def test_an_earlier_report_is_replaced_only_when_told(folder: Path) -> None:
     result = paper(*again)
     assert result.exception is not None
     assert exit_code(result.exception) is ExitCode.USAGE
-    assert "--replace" in str(result.exception)
-    result = paper(*again, "--replace")
+    assert "--overwrite" in str(result.exception)
+    result = paper(*again, "--overwrite")
     assert result.exit_code == 0
     assert "report.html" in result.stdout
     assert (folder / "report" / "report.html").read_bytes() == before
@@ -67,11 +68,19 @@ def test_an_earlier_report_is_replaced_only_when_told(folder: Path) -> None:
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
-    for target in (tmp_path, tmp_path / "notes.txt"):
-        result = paper("sphere", *SMALL, "--replace", "-o", target)
+    for target in ([tmp_path], [tmp_path / "notes.txt"], [tmp_path / "notes.txt", "--overwrite"]):
+        result = paper("sphere", *SMALL, "-o", *target)
         assert result.exception is not None
         assert exit_code(result.exception) is ExitCode.USAGE
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_two_meshes_of_one_name_are_refused_before_the_work(folder: Path, tmp_path: Path) -> None:
+    result = paper(folder / "patch.ply", "round-table", tmp_path / "Patch.obj", *SMALL, "-o", tmp_path / "report")
+    assert isinstance(result.exception, OptionError)
+    assert "patch.ply and " in str(result.exception)
+    assert "Patch.obj would both become Patch" in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_nothing_to_analyse_is_an_error(tmp_path: Path) -> None:

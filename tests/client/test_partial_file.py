@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import errno
-from typing import TYPE_CHECKING
+import threading
+from typing import TYPE_CHECKING, BinaryIO
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from meshtide_client import partial_file
 from meshtide_client.partial_file import PartialFile
 from meshtide_codec.errors import ProtocolError, TransferError
 from meshtide_codec.stream.container import preamble, read_available, write_container
@@ -175,6 +177,68 @@ def test_two_downloads_cannot_write_one_file(tmp_path: Path) -> None:
         PartialFile(path)
     first.close()
     PartialFile(path).close()
+
+
+def test_of_many_at_once_one_has_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.tide"
+    gate = threading.Barrier(8)
+    won: list[PartialFile] = []
+    lost: list[TransferError] = []
+
+    def begin() -> None:
+        gate.wait()
+        try:
+            won.append(PartialFile(path))
+        except TransferError as error:
+            lost.append(error)
+
+    threads = [threading.Thread(target=begin) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert (len(won), len(lost)) == (1, 7)
+    won[0].close()
+    assert not path.exists()
+
+
+def test_a_file_that_another_process_has_finished_with_is_begun_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other one removes its file after this one has opened it, and before this one has locked it."""
+    path = tmp_path / "a.tide"
+    filled(path, 1)
+    first = PartialFile(path)
+    locked = partial_file._locked
+    calls = 0
+
+    def late(file: BinaryIO) -> bool:
+        nonlocal calls
+        calls += 1
+        if calls == 1:
+            first.discard()
+        return locked(file)
+
+    monkeypatch.setattr(partial_file, "_locked", late)
+    second = PartialFile(path)
+    assert (calls, second.count) == (2, 0)
+    with pytest.raises(TransferError, match="being written by another process"):
+        PartialFile(path)
+    second.begin(STREAM.header, STREAM.header_bytes)
+    second.close()
+    assert path.exists()
+
+
+def test_one_that_is_done_never_removes_the_file_of_the_next(tmp_path: Path) -> None:
+    path = tmp_path / "a.tide"
+    filled(path, 1)
+    first = PartialFile(path)
+    first.discard()
+    second = PartialFile(path)
+    first.close()
+    first.discard()
+    assert path.exists()
+    second.close()
 
 
 def test_a_missing_folder_is_told(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from meshes import grid
 from meshtide_client.rendering.commands import register
 from meshtide_codec.command_line import ExitCode, exit_code
+from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import save_mesh
 from pictures import unpacked
 
@@ -49,6 +50,19 @@ def test_distances_are_coloured(tmp_path: Path) -> None:
     assert "1 meshes" in result.stdout
     images = [unpacked(path.read_bytes())[:64] for path in (plain, coloured)]
     assert np.not_equal(*images).any()
+
+
+def test_a_picture_replaces_nothing_unless_it_is_said(tmp_path: Path) -> None:
+    save_mesh(grid(6), tmp_path / "[bold]\udcff.ply")
+    mesh, picture = tmp_path / "[bold]\udcff.ply", tmp_path / "a.png"
+    picture.write_text("mine")
+    for arguments in ([mesh], [mesh, "--overwrite", "--distance-from", picture], [picture, "--overwrite"]):
+        result = render(*arguments, "--size", 64, "-o", picture)
+        assert isinstance(result.exception, OptionError)
+        assert picture.read_text() == "mine"
+    result = render(mesh, "--size", 64, "-o", picture, "--overwrite")
+    assert result.exit_code == 0, result.output
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

@@ -97,6 +97,42 @@ def test_other_sweeps_and_other_versions_are_not_touched(mesh: Path, tmp_path: P
         run_sweep(sweep(mesh), tmp_path)
 
 
+def test_another_sweep_is_replaced_when_it_is_said(mesh: Path, tmp_path: Path) -> None:
+    simulated(sweep(mesh), tmp_path / "expected")
+    folder = tmp_path / "out"
+    (folder / "streams").mkdir(parents=True)
+    (folder / "notes.txt").write_text("kept")
+    (folder / "runs.jsonl").write_text("{}")
+    for stream in (tmp_path / "expected" / "streams").iterdir():
+        (folder / "streams" / stream.name).write_text("the stream of an earlier sweep")
+    with pytest.raises(OptionError, match="holds other files"):
+        run_sweep(sweep(mesh), folder)
+    results = run_sweep(sweep(mesh), folder, overwrite=True)
+    output.write_results(results, folder)
+    assert files(folder) == files(tmp_path / "expected") | {"notes.txt": b"kept"}
+    with pytest.raises(OptionError, match="add --overwrite"):
+        run_sweep(sweep(mesh, seeds=1), folder)
+    assert len(run_sweep(sweep(mesh, seeds=1), folder, overwrite=True).runs) == 4 * 3
+    assert run_sweep(sweep(mesh, seeds=1), folder, overwrite=True).resumed == 4 * 3
+
+
+def test_meshes_of_a_sweep_are_told_apart_and_left_alone(mesh: Path, tmp_path: Path) -> None:
+    twin = tmp_path / "twin" / mesh.name
+    twin.parent.mkdir()
+    save_mesh(grid(5), twin)
+    with pytest.raises(OptionError, match=f"{mesh} and {twin} would both become {mesh.stem}"):
+        run_sweep(sweep(mesh, twin), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "out" / "streams").mkdir(parents=True)
+    stream = tmp_path / "out" / "streams" / "0-patch-0.tide"
+    whole = encode(grid(12)).to_bytes()
+    stream.write_bytes(whole)
+    (tmp_path / "patch.tide").symlink_to(stream)
+    with pytest.raises(OptionError, match="is what is read"):
+        run_sweep(sweep(tmp_path / "patch.tide"), tmp_path / "out", overwrite=True)
+    assert files(tmp_path / "out") == {"streams/0-patch-0.tide": whole}
+
+
 def test_a_mesh_that_fails_is_told_and_the_sweep_goes_on(mesh: Path, tmp_path: Path) -> None:
     broken = tmp_path / "broken.obj"
     broken.write_text("v 0 0 nan\nf 1 1 1\n")

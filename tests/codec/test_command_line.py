@@ -41,6 +41,12 @@ def application(error: BaseException | None) -> typer.Typer:
     return app
 
 
+def run_as(error: BaseException) -> None:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("sys.argv", ["meshtide"])
+        run(application(error))
+
+
 @pytest.mark.parametrize(("error", "code"), CASES, ids=lambda value: type(value).__name__)
 def test_each_error_ends_in_one_line_and_its_code(
     error: Exception, code: ExitCode, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -79,6 +85,40 @@ def test_explanations() -> None:
     )
     assert explanation(MeshtideError("two\n  lines")) == "two lines"
     assert explanation(MeshtideError()) == "MeshtideError"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MeshtideError("of a \x1b]0;peer\x07 \u202e\udcff"),
+        OSError(errno.EACCES, "Permission denied", "\x1b]0;peer\x07 \u202e\udcff"),
+        OSError(errno.EACCES, "Permission denied", b"\x1b]0;peer\x07 \xe2\x80\xae\xff"),
+    ],
+)
+def test_no_error_steers_the_terminal(error: Exception, capsys: pytest.CaptureFixture[str]) -> None:
+    assert r"\x1b]0;peer\x07 \u202e\udcff" in explanation(error)
+    with pytest.raises(SystemExit):
+        run_as(error)
+    assert r"\x1b]0;peer\x07 \u202e\udcff" in capsys.readouterr().err
+
+
+def test_the_name_of_a_descriptor_is_its_number() -> None:
+    assert explanation(OSError(errno.EBADF, "Bad file descriptor", 7)) == "7: Bad file descriptor"
+
+
+def test_a_pipe_that_the_user_named_is_told_when_its_reader_goes(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ending:
+        run_as(BrokenPipeError(errno.EPIPE, "Broken pipe", "pipe.tide"))
+    assert ending.value.code == ExitCode.DISK
+    assert "pipe.tide: Broken pipe" in capsys.readouterr().err
+
+
+def test_titles_of_bars_are_no_markup(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "200")
+    with progress_bar("read [/bold] [red]") as report:
+        report("a\x1b]0;b[/]", 0.5)
+    assert r"read [/bold] [red]: a\x1b]0;b[/]" in capsys.readouterr().err
 
 
 def test_progress_is_silent_where_nobody_watches(capsys: pytest.CaptureFixture[str]) -> None:

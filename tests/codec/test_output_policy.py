@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshtide_codec.errors import OptionError
-from meshtide_codec.output_policy import check_different, is_same_file, output_file, output_folder
+from meshtide_codec.output_policy import check_apart, check_different, is_same_file, output_file, output_folder
 
 
 def refused(path: Path, *inputs: Path | str, **options: bool) -> str:
@@ -59,6 +59,10 @@ def test_an_output_that_is_not_there_yet_can_be_another_ones_name(tmp_path: Path
     assert is_same_file(tmp_path / "here" / "new", tmp_path / "new")
     assert not is_same_file(tmp_path / "new", tmp_path / "old")
     assert not is_same_file(tmp_path / "new", "no\0name")
+    check_apart(tmp_path / "new", tmp_path / "old")
+    check_apart(tmp_path / "new", None)
+    with pytest.raises(OptionError, match="would be written twice"):
+        check_apart(tmp_path / "here" / "new", tmp_path / "new")
 
 
 def test_an_existing_file_needs_a_word(mesh: Path) -> None:

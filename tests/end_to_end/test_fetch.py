@@ -62,7 +62,8 @@ def test_every_bound_is_kept(server: Any, meshtide: Any) -> None:
     size = start + server.encoded.header.level_bytes(row)
     bounds = (("--until-level", row.level), ("--max-error", row.rms), ("--max-bytes", size))
     for option, value in bounds:
-        answer = fetched(meshtide("fetch", server.mesh_url, "-o", "coarse.obj", option, str(value), "--json"))
+        options = ("-o", "coarse.obj", "--overwrite", "--json")
+        answer = fetched(meshtide("fetch", server.mesh_url, option, str(value), *options))
         assert (answer["level"], answer["size"], answer["complete"]) == (row.level, size, False)
         assert (answer["vertices"], answer["faces"], answer["rms"]) == (row.vertices, row.faces, row.rms)
         assert [level["level"] for level in answer["levels"]] == [levels[0].level, row.level]
@@ -86,7 +87,7 @@ def test_a_server_that_is_killed_costs_no_packet_twice(
     output.write_text("what was here before")
     with start_server() as first:
         link = relay(first.url, len(first.whole) // 2)
-        process = meshtide.start("fetch", f"{link.url}/meshes/{MESH}", "--retries", "1")
+        process = meshtide.start("fetch", f"{link.url}/meshes/{MESH}", "--retries", "1", "--overwrite")
         assert link.full.wait(60.0)
         first.process.send_signal(signal.SIGKILL)
         first.process.wait()
@@ -104,7 +105,7 @@ def test_a_server_that_is_killed_costs_no_packet_twice(
     held = partial.stat().st_size
     assert 0 < len(packets) < len(first.encoded.header.packets)
     with start_server() as second:
-        answer = fetched(meshtide("fetch", second.mesh_url, "--json"))
+        answer = fetched(meshtide("fetch", second.mesh_url, "--overwrite", "--json"))
     assert answer["received_bytes"] == len(second.whole) - held
     assert answer["size"] == len(second.whole)
     np.testing.assert_array_equal(load_mesh(output).faces, second.encoded.quantized.mesh().faces)
@@ -148,7 +149,11 @@ def test_a_damaged_partial_file_is_told_and_used_as_far_as_it_is_sound(server: A
 
 def test_a_foreign_stream_file_is_kept(server: Any, meshtide: Any) -> None:
     (meshtide.folder / "notes.tide").write_text("my notes")
-    done = meshtide("fetch", server.mesh_url, "--stream-file", "notes.tide")
+    refused = meshtide("fetch", server.mesh_url, "--stream-file", "notes.tide")
+    assert refused.returncode == ExitCode.USAGE
+    assert "notes.tide is there already" in refused.stderr
+    assert meshtide.files == {"notes.tide"}
+    done = meshtide("fetch", server.mesh_url, "--stream-file", "notes.tide", "--overwrite")
     assert done.returncode == ExitCode.OK
     assert (meshtide.folder / "notes.tide.old1").read_text() == "my notes"
     assert (meshtide.folder / "notes.tide").read_bytes() == server.whole

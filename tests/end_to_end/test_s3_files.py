@@ -51,7 +51,7 @@ def test_a_file_in_a_bucket_is_fetched(
     answer = json.loads(first.stdout)
     assert (answer["transport"], answer["level"], answer["complete"]) == ("s3", 2, False)
     held = (meshtide.folder / "s.tide").stat().st_size
-    rest = json.loads(meshtide("fetch", URL, "--stream-file", "s.tide", "--json").stdout)
+    rest = json.loads(meshtide("fetch", URL, "--stream-file", "s.tide", "--overwrite", "--json").stdout)
     whole = encoded.to_bytes()
     assert (meshtide.folder / "s.tide").read_bytes() == whole
     assert held <= answer["received_bytes"] < len(whole)

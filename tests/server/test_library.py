@@ -11,6 +11,7 @@ from meshtide_server import library as library_module
 from meshtide_server.encoder_process import Encoded, EncodingFailedError, Job
 from meshtide_server.hosted_mesh import Status
 from meshtide_server.library import Library
+from meshtide_server.models import MeshSummary
 from meshtide_server.settings import Settings
 
 from .conftest import make_stream
@@ -188,6 +189,21 @@ async def test_files_of_one_stem_get_ids_of_their_own(folder: Path) -> None:
         mesh = library.find("small")
         assert mesh is not None
         assert mesh.source.is_stream
+
+
+@pytest.mark.usefixtures("encoders")
+async def test_names_of_any_bytes_are_listed_in_printable_letters(folder: Path) -> None:
+    for name in (b"caf\xe9.obj", b"a\nb.obj", b"\x1b[31mred.obj", "\u202eexe.obj".encode(), b"bad\xff.tide"):
+        Path(os.fsdecode(os.fsencode(folder) + b"/" + name)).write_bytes(name)
+    async with opened(directory=folder) as library:
+        await settled(library)
+        rows = [MeshSummary.of(mesh).model_dump_json() for mesh in library.meshes]
+        assert len(rows) == 6
+        assert {mesh.source.name for mesh in library.meshes} == {
+            "small.tide", r"caf\udce9.obj", r"a\nb.obj", r"\x1b[31mred.obj", r"\u202eexe.obj", r"bad\udcff.tide"
+        }  # fmt: skip
+        statuses = [mesh.status for mesh in library.meshes]
+        assert (statuses.count(Status.READY), statuses.count(Status.FAILED)) == (5, 1)
 
 
 async def test_samples(encoders: list[FakeEncoder], private_cache: Path) -> None:

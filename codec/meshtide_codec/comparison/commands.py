@@ -93,12 +93,13 @@ def report_target(target: Path | None, mesh: Path, stream: Path, *, overwrite: b
     if target is None:
         return None
     from meshtide_codec.comparison.report import report_files
-    from meshtide_codec.output_policy import output_file, output_folder
+    from meshtide_codec.output_policy import check_apart, output_file, output_folder
 
     files = report_files(target, mesh.stem)
     for path in files:
         output_folder(path.parent)
-    return [output_file(path, [mesh, stream], overwrite=overwrite, new_folder=True) for path in files]
+        check_apart(path, stream)
+    return [output_file(path, [mesh], overwrite=overwrite, new_folder=True) for path in files]
 
 
 def written_report(files: Sequence[OutputFile] | None, mesh: Path, encoded: EncodedMesh) -> StreamReport | None:
