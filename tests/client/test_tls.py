@@ -171,9 +171,9 @@ def test_what_is_named_stands_in_place_of_the_machines_own(
     other = private_authority(tmp_path)
     monkeypatch.setenv("SSL_CERT_FILE", str(authority.file))
     assert len(tls_context().get_ca_certs()) == 1
-    with scripted_server(lambda *_: Reply(200, b"[]"), authority.server) as url:
-        with pytest.raises(TransferError, match=UNTRUSTED):
-            list_meshes(url, ca_file=other.file)
+    failing = pytest.raises(TransferError, match=UNTRUSTED)
+    with scripted_server(lambda *_: Reply(200, b"[]"), authority.server) as url, failing:
+        list_meshes(url, ca_file=other.file)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no certificate", b"\xff" * 99])

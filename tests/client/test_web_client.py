@@ -43,9 +43,9 @@ def test_lists_that_a_proxy_compresses_are_understood(coding: str) -> None:
 @pytest.mark.parametrize("coding", PACKERS)
 def test_refusals_that_a_proxy_compresses_are_understood(coding: str) -> None:
     body = PACKERS[coding](b'{"error": "busy", "message": "later"}')
-    with scripted_server(lambda *_: Reply(503, body, {"Content-Encoding": coding} if coding else {})) as url:
-        with pytest.raises(PeerError, match="later"):
-            list_tags(url)
+    reply = Reply(503, body, {"Content-Encoding": coding} if coding else {})
+    with scripted_server(lambda *_: reply) as url, pytest.raises(PeerError, match="later"):
+        list_tags(url)
 
 
 def test_answers_are_bounded_after_their_expansion() -> None:

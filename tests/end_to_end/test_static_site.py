@@ -94,7 +94,14 @@ def test_a_proxy_without_websockets_costs_no_level(server: Any, meshtide: Any) -
         held = (meshtide.folder / "s.tide").stat().st_size
         assert held == answer["size"] < len(server.whole)
         rest = meshtide(
-            "fetch", f"{proxy.url}/meshes/{MESH}", "--stream-file", "s.tide", "--transport", "http", "--overwrite", "--json"
+            "fetch",
+            f"{proxy.url}/meshes/{MESH}",
+            "--stream-file",
+            "s.tide",
+            "--transport",
+            "http",
+            "--overwrite",
+            "--json",
         )
         assert json.loads(rest.stdout)["transport"] == "http"
         assert ("/meshes/patch.tide", f"bytes={held}-{len(server.whole) - 1}") in proxy.requests
