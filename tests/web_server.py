@@ -11,6 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import ssl
     from collections.abc import Iterator
 
 
@@ -96,8 +97,8 @@ class WebServer:
 
 
 @contextmanager
-def web_server(server: WebServer) -> Iterator[WebServer]:
-    """Run `server` on a free port for as long as the block lasts."""
+def web_server(server: WebServer, tls: ssl.SSLContext | None = None) -> Iterator[WebServer]:
+    """Run `server` on a free port for as long as the block lasts, behind TLS if there is a certificate."""
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -112,9 +113,12 @@ def web_server(server: WebServer) -> Iterator[WebServer]:
             """Be silent."""
 
     listener = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    if tls is not None:
+        listener.socket = tls.wrap_socket(listener.socket, server_side=True, do_handshake_on_connect=False)
+        listener.handle_error = lambda *_: None  # type: ignore[method-assign]  # clients that trust nobody hang up
     thread = threading.Thread(target=listener.serve_forever, args=(0.02,))
     thread.start()
-    server.url = f"http://127.0.0.1:{listener.server_port}"
+    server.url = f"http{'' if tls is None else 's'}://127.0.0.1:{listener.server_port}"
     try:
         yield server
     finally:

@@ -13,13 +13,13 @@ from __future__ import annotations
 import asyncio
 import random
 from contextlib import aclosing
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from meshtide_client.file_session import FileSession
 from meshtide_client.file_transport import open_source, receive_file, transports_for
 from meshtide_client.tide_address import TideAddress
 from meshtide_client.transport import open_connection, receive_events
-from meshtide_codec.errors import PeerError, ProtocolError, StreamError, TransferError
+from meshtide_codec.errors import MeshtideError, PeerError, ProtocolError, StreamError, TransferError
 from meshtide_codec.stream.session import ClientSession, HeaderEvent, PacketEvent
 from meshtide_codec.stream.shortage import find_shortage
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from meshtide_codec.limits import Limits
     from meshtide_codec.stream.session import Event, Until
 
-_Problem = TypeVar("_Problem", TransferError, ProtocolError, StreamError, TransferError | ProtocolError)
+_Problem = TypeVar("_Problem", bound=TransferError | ProtocolError | StreamError)
 _PASSING_CODES = frozenset({"not-ready", "shutting-down", "timeout"})
 """Refusals that a later attempt may not meet."""
 
@@ -223,9 +223,12 @@ class Arrival:
 
 def _extended(error: _Problem, ending: str) -> _Problem:
     """An error of the same kind whose message goes on."""
+    made: MeshtideError
     if isinstance(error, PeerError):
-        return type(error)(error.code, f"{error.message}{ending}")
-    if isinstance(error, StreamError):
+        made = PeerError(error.code, f"{error.message}{ending}")
+    elif isinstance(error, StreamError):
         message = f"{error.message}{ending}"
-        return type(error)(message, level=error.level, packet=error.packet, offset=error.offset)
-    return type(error)(f"{error}{ending}")
+        made = type(error)(message, level=error.level, packet=error.packet, offset=error.offset)
+    else:
+        made = type(error)(f"{error}{ending}")
+    return cast("_Problem", made)

@@ -26,7 +26,7 @@ from meshtide_client.transport import Link
 from meshtide_codec.compilation import announced_compilation
 from meshtide_codec.errors import MeshtideError, OptionError, TransferError
 from meshtide_codec.output_policy import output_file
-from meshtide_codec.printable import shown
+from meshtide_codec.printable import printable, shown
 from meshtide_codec.quantize import quantize
 from meshtide_codec.samples import load_sample, sample_names
 
@@ -104,7 +104,7 @@ def _wait_until_ready(console: Console, url: str, name: str, wait: float) -> Non
     """Poll until the server has encoded the sample; show how far it is."""
     started = time.monotonic()
     told = False
-    columns = (TextColumn("{task.description}"), BarColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("waiting", total=1.0)
         while True:
@@ -119,7 +119,8 @@ def _wait_until_ready(console: Console, url: str, name: str, wait: float) -> Non
             if waited > _PATIENCE_SECONDS and not told:
                 told = True
                 console.print(f"the server encodes {name}; {COMPILING_ENCODER}", soft_wrap=True)
-            bar.update(task, description=f"the server encodes {name}: {mesh.stage}", completed=mesh.progress)
+            stage = printable(f"the server encodes {name}: {mesh.stage}")
+            bar.update(task, description=stage, completed=mesh.progress)
             time.sleep(_POLL_SECONDS)
 
 
@@ -156,7 +157,10 @@ def _fetch(
             if console.is_terminal:
                 live.refresh()
 
-        result = fetch(url, keep_levels=folder, link=link, on_level=show, notify=console.print, overwrite=overwrite)
+        def notify(sentence: str) -> None:
+            console.print(printable(sentence), markup=False, soft_wrap=True)
+
+        result = fetch(url, keep_levels=folder, link=link, on_level=show, notify=notify, overwrite=overwrite)
     if not console.is_terminal:
         console.print(table)
     return result, captioned

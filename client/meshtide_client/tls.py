@@ -62,7 +62,10 @@ def distrust(error: BaseException) -> str | None:
     cause: BaseException | None = error
     while cause is not None and not isinstance(cause, ssl.SSLCertVerificationError):
         cause = cause.__cause__ or cause.__context__
-    return None if cause is None else f"its certificate is not trusted ({cause.verify_message}); {_ADVICE}"
+    if cause is None:
+        return None
+    reason = getattr(cause, "verify_message", None) or str(cause)
+    return f"its certificate is not trusted ({reason}); {_ADVICE}"
 
 
 @cache

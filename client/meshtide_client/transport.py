@@ -9,22 +9,18 @@ ProtocolError.
 from __future__ import annotations
 
 import asyncio
-import os
-import re
 import time
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage, InvalidStatus, WebSocketException
+from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from meshtide_client.content_coding import read_body
 from meshtide_client.credentials import authorization, find_token
-from meshtide_client.problem import LARGEST_PROBLEM, read_problem
-from meshtide_client.secrecy import without_secrets
-from meshtide_client.tls import distrust, tls_context
+from meshtide_client.handshake import handshake_problem
+from meshtide_client.tls import tls_context
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, StreamError, TransferError
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_codec.stream.session import DEFAULT_WINDOW, error_frame
@@ -32,8 +28,6 @@ from meshtide_codec.stream.session import DEFAULT_WINDOW, error_frame
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, Callable
     from pathlib import Path
-
-    from websockets.http11 import Response
 
     from meshtide_client.address import MeshAddress
     from meshtide_codec.stream.session import ClientSession, Event
@@ -43,10 +37,8 @@ _PONG_BYTES = 512
 _CONTROL_BYTES = 1 << 16
 """Bytes beside those of a message that may come before its end: pings, frames of fragments."""
 _CLOSE_SECONDS = 2.0
-_BUSY_STATUSES = frozenset({429, 500, 502, 503, 504})
 _BREACH_CODES = frozenset({1002, 1007, 1009})
 """Close codes with which this side ends a connection whose frames are malformed or too large."""
-_ERROR_NUMBER = re.compile(r"\[Errno (\d+)\]")
 _BACKLOG_WINDOWS = 8
 """A backlog longer than so many windows means that the server ignores the credit; framing of small packets is
 what makes an honest one longer than a window."""
@@ -113,12 +105,10 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
         ProtocolError: something answers that is not a meshtide server.
         PeerError: the server refused.
     """
-    context = tls_context(link.ca_file) if address.server.secure else None
-    place = without_secrets(address.stream_url)
+    secured: dict[str, Any] = {"ssl": tls_context(link.ca_file)} if address.server.secure else {}
     try:
         connection = await connect(
             address.stream_url,
-            ssl=context,
             additional_headers=authorization(link.token),
             compression=None,  # packets are compressed
             max_size=LARGEST_MESSAGE,
@@ -128,40 +118,12 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
             close_timeout=_CLOSE_SECONDS,
             proxy=None if address.server.is_loopback else True,
             create_connection=Connection,
+            **secured,
         )
         assert isinstance(connection, Connection)  # noqa: S101 - made right above
-    except InvalidStatus as error:
-        status = error.response.status_code
-        if (problem := _refusal(error.response, place)) is not None:
-            raise problem from error
-        if status in _BUSY_STATUSES:
-            raise TransferError(f"{address.server} is not available now (HTTP status {status})") from error
-        raise ProtocolError(
-            f"{place} answered with HTTP status {status} instead of a stream; check the address"
-        ) from error
-    except InvalidMessage as error:
-        if isinstance(error.__cause__, EOFError):
-            raise TransferError(f"{address.server} closed the connection before it was open") from error
-        what = (
-            "speaks no websockets" if "HTTP/1.0" in str(error.__cause__) else "is not a web server; check the address"
-        )
-        raise ProtocolError(f"what answers at {address.server} {what}") from error
-    except InvalidHandshake as error:
-        raise ProtocolError(f"{place} does not answer as a websocket: {error}") from error
-    except TimeoutError as error:
-        raise TransferError(f"{address.server} did not answer within {link.timeout:g} seconds") from error
-    except (OSError, WebSocketException) as error:
-        raise TransferError(f"cannot connect to {address.server}: {distrust(error) or _reason(error)}") from error
+    except (OSError, WebSocketException, ValueError) as error:
+        raise handshake_problem(error, address, link.timeout) from error
     return connection
-
-
-def _refusal(response: Response, place: str) -> PeerError | None:
-    """The words of a meshtide server that gave no stream."""
-    coding = response.headers.get("Content-Encoding", "")
-    try:
-        return read_problem(read_body([bytes(response.body or b"")], coding, place, LARGEST_PROBLEM))
-    except (ProtocolError, TransferError):
-        return None
 
 
 async def receive_events(
@@ -292,14 +254,3 @@ def _closed(error: ConnectionClosed, address: MeshAddress) -> TransferError | Pr
     else:
         reason = f"closed with code {error.rcvd.code}" + (f": {error.rcvd.reason}" if error.rcvd.reason else "")
     return TransferError(f"the connection to {address.server} was lost ({reason})")
-
-
-def _reason(error: Exception) -> str:
-    """Why a connection could not be opened, in the system's words without its numbers and brackets.
-
-    >>> _reason(ConnectionRefusedError(111, "Connect call failed ('127.0.0.1', 9)")) == os.strerror(111)
-    True
-    """
-    text = str(error)
-    number = _ERROR_NUMBER.search(text)  # several addresses of one host come back as one text
-    return os.strerror(int(number[1])) if number and "Connect call failed" in text else text or type(error).__name__

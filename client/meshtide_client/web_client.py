@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import httpx
 
@@ -79,7 +79,7 @@ class WebClient:
             headers={"Accept-Encoding": ACCEPTED, **authorization(token)},
         )
 
-    def __enter__(self) -> WebClient:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -94,6 +94,8 @@ class WebClient:
         """
         try:
             with self._client.stream(method, url, follow_redirects=method == "GET", **more) as response:
+                if self._server.secure and response.url.scheme != "https":
+                    raise ProtocolError(f"{self._server} redirects to an address without TLS; that is not followed")
                 coding = response.headers.get("Content-Encoding", "")
                 body = read_body(response.iter_raw(), coding, str(self._server), largest)
                 return Answer(response.status_code, response.headers, body, response.links)

@@ -45,7 +45,7 @@ class WebSource:
     """
 
     def __init__(self, url: str, shown: str, link: Link, *, ranges: bool, local: bool) -> None:
-        secure = url.lower().startswith("https:")
+        self._secure = url.lower().startswith("https:")
         self.name = "http" if ranges else "download"
         self._url = url
         self._shown = shown
@@ -56,7 +56,7 @@ class WebSource:
         self._client = httpx.AsyncClient(
             timeout=link.timeout,
             trust_env=not local,
-            verify=tls_context(link.ca_file, needed=secure),
+            verify=tls_context(link.ca_file, needed=self._secure),
             follow_redirects=True,
             headers={"Accept-Encoding": "identity", **authorization(link.token)},
         )
@@ -71,6 +71,8 @@ class WebSource:
                 headers["If-Match"] = self._tag
         try:
             async with self._client.stream("GET", self._url, headers=headers) as answer:
+                if self._secure and answer.url.scheme != "https":
+                    raise ProtocolError(f"{self._shown} is redirected to an address without TLS; that is not followed")
                 yield await self._reading(answer, start, end)
         except httpx.TimeoutException as error:
             raise TransferError(f"nothing came from {self._shown} for {self._link.timeout:g} seconds") from error

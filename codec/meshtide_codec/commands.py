@@ -319,13 +319,15 @@ def _print_json(answer: Mapping[str, Any], *, err: bool = False) -> None:
 def _print_report(report: Mapping[str, Any], *, err: bool = False) -> None:
     from rich import box
     from rich.table import Table
+    from rich.text import Text
 
     from meshtide_codec.command_line import wide_console
+    from meshtide_codec.printable import printable
 
     kinds = list(report["bytes_by_kind"])
     effort = f", effort {report['effort']}" if report["effort"] else ""
     title = f"profile {report['profile']}{effort}, B = {report['bits']}{_predictor(report)}"
-    table = Table(title=title, box=box.SIMPLE)
+    table = Table(title=Text(printable(title)), title_style="italic", box=box.SIMPLE)
     for column in ("level", "vertices", "faces", *kinds, "bytes so far", "rms", "maximum"):
         table.add_column(column, justify="right")
     for row in report["levels"]:
@@ -368,9 +370,11 @@ def _print_difference_statistics(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _predictor(report: Mapping[str, Any]) -> str:
-    spec = dict(report["options"].get("filter", {}))
-    if not spec:
+    """The filter of a header, whatever a stranger has written there."""
+    found = report["options"].get("filter")
+    if not isinstance(found, dict) or "kind" not in found:
         return ""
+    spec = dict(found)
     kind = spec.pop("kind")
     fields = ", ".join(f"{name} {value}" for name, value in spec.items())
     return f", predictor {kind} ({fields})" if fields else f", predictor {kind}"

@@ -5,15 +5,17 @@ Everything here is read from the header, so it costs nothing and compiles nothin
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.compact.effort import Effort
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from meshtide_codec.stream.header import StreamHeader
+
+_DEEPEST = 20
 
 
 def bytes_by_kind(header: StreamHeader) -> dict[str, int]:
@@ -52,7 +54,7 @@ def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
     return {
         "profile": header.profile,
         "effort": effort_of(header),
-        "options": _printable(header.options),
+        "options": _plain(header.options),
         "bits": header.bits,
         "origin": list(header.origin),
         "extent": header.extent,
@@ -80,6 +82,19 @@ def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
     }
 
 
-def _printable(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options as JSON can hold them: bytes become lists of numbers."""
-    return {name: list(value) if isinstance(value, bytes) else value for name, value in options.items()}
+def _plain(value: object, depth: int = 0) -> Any:  # noqa: ANN401 - anything may stand in a header
+    """A value as JSON can hold it: bytes become lists of numbers, numbers that are none become null.
+
+    What lies deeper than any encoder puts it is told by its type.
+    """
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int):
+        return value
+    if isinstance(value, bytes):
+        return list(value)
+    if isinstance(value, Mapping) and depth < _DEEPEST:
+        return {str(name): _plain(item, depth + 1) for name, item in value.items()}
+    if isinstance(value, list | tuple) and depth < _DEEPEST:
+        return [_plain(item, depth + 1) for item in value]
+    return type(value).__name__

@@ -15,6 +15,7 @@ from meshtide_codec.stream.messages import PacketPart, decode_message
 from meshtide_codec.stream.session import ServerSession, error_frame
 
 if TYPE_CHECKING:
+    import ssl
     from collections.abc import AsyncIterator, Callable
 
     from websockets.asyncio.server import ServerConnection
@@ -84,18 +85,22 @@ class StreamServer:
 
 
 @asynccontextmanager
-async def listening(handle: Callable[[ServerConnection], object]) -> AsyncIterator[MeshAddress]:
-    """A websocket server on a free port; yields the address of the mesh on it."""
-    async with serve(handle, "127.0.0.1", 0, compression=None) as server:  # type: ignore[arg-type]
+async def listening(
+    handle: Callable[[ServerConnection], object], tls: ssl.SSLContext | None = None
+) -> AsyncIterator[MeshAddress]:
+    """A websocket server on a free port, behind TLS if there is a certificate; yields the address of its mesh."""
+    async with serve(handle, "127.0.0.1", 0, compression=None, ssl=tls) as server:  # type: ignore[arg-type]
         port = next(iter(server.sockets)).getsockname()[1]
-        yield MeshAddress.parse(f"http://127.0.0.1:{port}/meshes/{MESH}")
+        yield MeshAddress.parse(f"http{'' if tls is None else 's'}://127.0.0.1:{port}/meshes/{MESH}")
 
 
 @asynccontextmanager
-async def serving(source: StreamSource, **settings: object) -> AsyncIterator[StreamServer]:
+async def serving(
+    source: StreamSource, tls: ssl.SSLContext | None = None, **settings: object
+) -> AsyncIterator[StreamServer]:
     """A server of `source`."""
     server = StreamServer(source, **settings)  # type: ignore[arg-type]
-    async with listening(server.handle) as server.address:
+    async with listening(server.handle, tls) as server.address:
         yield server
 
 

@@ -250,9 +250,9 @@ async def test_a_stream_that_changes_for_ever_is_given_up(tmp_path: Path) -> Non
     ("transport", "cut", "message"), [("http", 50, "no level is"), ("download", HEADER_END + 5, "packets are missing")]
 )
 async def test_attempts_without_new_bytes_are_counted(transport: str, cut: int, message: str) -> None:
-    with web_server(WebServer(WHOLE, cuts=[cut] * 99)) as server:
-        with pytest.raises(TransferError, match=f"after 2 more attempts; .*{message}"):
-            await levels(f"{server.url}/vase.tide", transport=transport)
+    failing = pytest.raises(TransferError, match=f"after 2 more attempts; .*{message}")
+    with web_server(WebServer(WHOLE, cuts=[cut] * 99)) as server, failing:
+        await levels(f"{server.url}/vase.tide", transport=transport)
     assert len(server.requests) == 1 + QUICK.retries
 
 
@@ -272,21 +272,21 @@ async def test_a_proxy_that_compresses_is_understood(coding: str, tmp_path: Path
 
 
 async def test_a_compressed_download_that_is_cut_is_told() -> None:
-    with web_server(WebServer(WHOLE[:-9], coding="gzip")) as server:
-        with pytest.raises(TruncatedError, match=f"ends after {len(WHOLE) - 9} bytes.* 1 of {COUNT} packets"):
-            await levels(f"{server.url}/vase.tide", transport="download")
+    failing = pytest.raises(TruncatedError, match=f"ends after {len(WHOLE) - 9} bytes.* 1 of {COUNT} packets")
+    with web_server(WebServer(WHOLE[:-9], coding="gzip")) as server, failing:
+        await levels(f"{server.url}/vase.tide", transport="download")
     packed = gzip.compress(WHOLE)
-    with web_server(WebServer(packed[:-12], headers={"Content-Encoding": "gzip"})) as server:
-        with pytest.raises(TransferError, match="ended inside of its compression"):
-            await levels(f"{server.url}/vase.tide", transport="download")
+    failing = pytest.raises(TransferError, match="ended inside of its compression")
+    with web_server(WebServer(packed[:-12], headers={"Content-Encoding": "gzip"})) as server, failing:
+        await levels(f"{server.url}/vase.tide", transport="download")
 
 
 async def test_a_bomb_is_not_expanded() -> None:
     bomb = gzip.compress(WHOLE + bytes(1 << 28))
     tracemalloc.start()
-    with web_server(WebServer(bomb, headers={"Content-Encoding": "gzip"})) as server:
-        with pytest.raises(ContainerError, match="bytes follow the last packet"):
-            await levels(f"{server.url}/vase.tide", transport="download")
+    failing = pytest.raises(ContainerError, match="bytes follow the last packet")
+    with web_server(WebServer(bomb, headers={"Content-Encoding": "gzip"})) as server, failing:
+        await levels(f"{server.url}/vase.tide", transport="download")
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1 << 25

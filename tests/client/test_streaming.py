@@ -113,7 +113,7 @@ async def test_whether_the_stream_goes_on_is_not_believed(
 ) -> None:
     for level, rest in ((0, False), (1, True)):
 
-        async def handle(socket: ServerConnection, level: int = level) -> None:
+        async def handle(socket: ServerConnection) -> None:
             session = ServerSession(MESH, source)
             session.receive(await socket.recv())
             while (frame := session.next_frame()) is not None:
