@@ -3,7 +3,7 @@
 ::
 
     DIR/meshes/index.json      the list, as GET /meshes of a server answers it
-    DIR/meshes/ID.tide         one file a mesh
+    DIR/meshes/ID.tide         one file a mesh; in subfolders, where ids hold slashes
 
 `http://host/meshes/ID` then works with `fetch`, by ranges where the web server knows them and by one plain download
 where it does not, and `http://host` with `meshes`. What is exported into the same folder later is added to the list.
@@ -84,19 +84,21 @@ async def export_static(
     told = _earlier(collection)
     taken: set[str] = set()
     for name, item, mesh in found:
-        identifier = _unique(_slug(name), taken)
+        identifier = _unique(_slug_of_path(name), taken)
         taken.add(identifier)
         told.pop(identifier, None)
         if mesh is not None:
             told[identifier] = mesh
         target = collection / f"{identifier}{SUFFIX}"
+        target.parent.mkdir(parents=True, exist_ok=True)
         if is_mesh_path(item):
             write_atomically(target, _encoded(Path(item), options))
         else:
             await _copy(item, target, link, limits, notify)
         notify(f"{item}: {target}, {target.stat().st_size} bytes")
-    paths = [path for path in collection.glob(f"*{SUFFIX}") if not path.name.startswith(".")]
-    meshes = [_row(path, limits, told.get(path.stem)) for path in paths]
+    places = {path.relative_to(collection).with_suffix("").as_posix(): path for path in collection.rglob(f"*{SUFFIX}")}
+    shown = {identifier: path for identifier, path in places.items() if not re.search(r"(^|/)\.", identifier)}
+    meshes = [_row(path, identifier, limits, told.get(identifier)) for identifier, path in shown.items()]
     meshes.sort(key=lambda mesh: mesh.id)
     text = json.dumps([asdict(mesh) for mesh in meshes], indent=1)
     write_atomically(collection / STATIC_INDEX, text.encode())
@@ -159,7 +161,7 @@ async def _copy(url: str, target: Path, link: Link, limits: Limits | None, notif
     partial.replace(target)
 
 
-def _row(path: Path, limits: Limits | None, told: HostedMesh | None) -> HostedMesh:
+def _row(path: Path, identifier: str, limits: Limits | None, told: HostedMesh | None) -> HostedMesh:
     """The line of the list for a file, with what is told of it beside what it holds."""
     reader = ContainerReader(limits)
     with path.open("rb") as file:
@@ -169,7 +171,7 @@ def _row(path: Path, limits: Limits | None, told: HostedMesh | None) -> HostedMe
     if header is None:
         raise MeshFileError(f"{path} is no whole .tide file; delete it and export again")
     own = HostedMesh(
-        id=path.stem,
+        id=identifier,
         name=path.name,
         status="ready",
         stage=None,
@@ -192,6 +194,11 @@ def _row(path: Path, limits: Limits | None, told: HostedMesh | None) -> HostedMe
         box=told.box,
         source=told.source,
     )
+
+
+def _slug_of_path(name: str) -> str:
+    """An id that may hold slashes, each part of it a slug."""
+    return "/".join(_slug(part) for part in name.split("/") if part) or _slug(name)
 
 
 def _slug(name: str) -> str:
