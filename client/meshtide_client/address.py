@@ -1,7 +1,8 @@
 """Addresses of servers and meshes: every form in which a person may write one, and every URL that is made of it.
 
-A mesh lives at `http://host:port/meshes/ID`; `ws` stands for `http` and `wss` for `https`, `/stream` or `.tide` at
-the end are taken off, and a path in front of `/meshes` is kept, for servers behind a reverse proxy.
+A mesh lives at `http://host:port/meshes/ID`, where the ID of one in a subfolder holds slashes; `ws` stands for `http`
+and `wss` for `https`, `/stream` or `.tide` at the end are taken off, and a path in front of `/meshes` is kept, for
+servers behind a reverse proxy.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ _COLLECTION = "meshes"
 _EXAMPLE = "http://localhost:8000/meshes/stanford-bunny"
 _SERVER_EXAMPLE = "http://localhost:8000"
 _LONGEST_MESH_ID = 200
-_MESH_PATH = re.compile(rf"(.*)/{_COLLECTION}/([^/]+?)(?:\.tide)?/?", re.DOTALL)
+_MESH_PATH = re.compile(rf"(.*)/{_COLLECTION}/([^/]+?(?:/[^/]+?)*)(?:\.tide)?/?", re.DOTALL)
 _NOT_IN_FILE_NAMES = re.compile(r"[^\w.-]+")
 
 
@@ -133,10 +134,20 @@ class MeshAddress:
         return _NOT_IN_FILE_NAMES.sub("_", self.mesh).lstrip("._") or "mesh"
 
     def _url(self, scheme: str, suffix: str) -> str:
-        return self.server._url(scheme, f"/{_COLLECTION}/{quote(self.mesh, safe='')}{suffix}")  # noqa: SLF001
+        return self.server._url(scheme, f"/{_COLLECTION}/{_quoted(self.mesh)}{suffix}")  # noqa: SLF001
 
     def __str__(self) -> str:
-        return f"{self.server}/{_COLLECTION}/{quote(self.mesh, safe='')}"
+        return f"{self.server}/{_COLLECTION}/{_quoted(self.mesh)}"
+
+
+def _quoted(mesh: str) -> str:
+    """An id as it stands in an address: slashes as they are, unless it would be read as another one then.
+
+    >>> _quoted("my scans/bunny"), _quoted("../bunny")
+    ('my%20scans/bunny', '..%2Fbunny')
+    """
+    plain = all(segment not in {"", ".", "..", _COLLECTION} for segment in mesh.split("/"))
+    return quote(mesh, safe="/" if plain else "")
 
 
 def _split(url: str, example: str) -> tuple[ServerAddress, str]:

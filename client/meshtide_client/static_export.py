@@ -3,7 +3,7 @@
 ::
 
     DIR/meshes/index.json      the list, as GET /meshes of a server answers it
-    DIR/meshes/ID.tide         one file a mesh
+    DIR/meshes/ID.tide         one file a mesh; in subfolders, where ids hold slashes
 
 `http://host/meshes/ID` then works with `fetch`, by ranges where the web server knows them and by one plain download
 where it does not, and `http://host` with `meshes`. What is exported into the same folder later is added to the list.
@@ -103,6 +103,7 @@ async def export_static(
     targets = [_target(collection, item, told.get(item.identifier), overwrite=overwrite) for item in found]
     collection.mkdir(parents=True, exist_ok=True)
     for item, target in zip(found, targets, strict=True):
+        target.path.parent.mkdir(parents=True, exist_ok=True)
         if is_mesh_path(item.place):
             target.write(_encoded(Path(item.place), options, notify))
         else:
@@ -110,8 +111,9 @@ async def export_static(
         told[item.identifier] = _Told(item.file, item.origin, item.mesh)
         place = shown_address(item.place) if "://" in item.place else item.place
         notify(f"{place}: {target.path}, {target.path.stat().st_size} bytes")
-    paths = [path for path in collection.glob(f"*{SUFFIX}") if not path.name.startswith(".")]
-    meshes = [_row(path, limits, told.get(path.stem)) for path in paths]
+    places = {path.relative_to(collection).with_suffix("").as_posix(): path for path in collection.rglob(f"*{SUFFIX}")}
+    found_files = {identifier: path for identifier, path in places.items() if not re.search(r"(^|/)\.", identifier)}
+    meshes = [_row(path, identifier, limits, told.get(identifier)) for identifier, path in found_files.items()]
     meshes.sort(key=lambda mesh: mesh.id)
     rows = [asdict(mesh) | {ORIGIN: told[mesh.id].origin if mesh.id in told else None} for mesh in meshes]
     text = json_text(rows, indent=1)
@@ -190,7 +192,7 @@ def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[_
         if mesh.status != "ready":
             notify(f"{mesh.id} is left out: it is {mesh.status}")
     return [
-        _Item(_slug(mesh.id), server.mesh(mesh.id).page_url, mesh.name, mesh)
+        _Item(_slug_of_path(mesh.id), server.mesh(mesh.id).page_url, mesh.name, mesh)
         for mesh in hosted
         if mesh.status == "ready"
     ]
@@ -202,7 +204,7 @@ def _file_item(path: Path) -> _Item:
 
 def _address_item(url: str) -> _Item:
     mesh = parse_address(url).mesh
-    return _Item(_slug(mesh), url, listed_name(Path(f"{mesh}{SUFFIX}")))
+    return _Item(_slug_of_path(mesh), url, listed_name(Path(f"{mesh}{SUFFIX}")))
 
 
 def _is_exportable(file: Path) -> bool:
@@ -233,7 +235,7 @@ async def _copy(url: str, target: OutputFile, link: Link, limits: Limits | None,
         move_into_place(partial, real, replace=target.replace)  # while no other export can write it
 
 
-def _row(path: Path, limits: Limits | None, told: _Told | None) -> HostedMesh:
+def _row(path: Path, identifier: str, limits: Limits | None, told: _Told | None) -> HostedMesh:
     """The line of the list for a file, with what is told of it beside what it holds."""
     reader = ContainerReader(limits)
     with path.open("rb") as file:
@@ -243,7 +245,7 @@ def _row(path: Path, limits: Limits | None, told: _Told | None) -> HostedMesh:
     if header is None:
         raise MeshFileError(f"{shown(path)} is no whole .tide file; delete it and export again")
     own = HostedMesh(
-        id=path.stem,
+        id=identifier,
         name=listed_name(path) if told is None else told.file,
         status="ready",
         stage=None,
@@ -266,6 +268,11 @@ def _row(path: Path, limits: Limits | None, told: _Told | None) -> HostedMesh:
         box=mesh.box,
         source=mesh.source,
     )
+
+
+def _slug_of_path(name: str) -> str:
+    """An id that may hold slashes, each part of it a slug."""
+    return "/".join(_slug(part) for part in name.split("/") if part) or _slug(name)
 
 
 def _slug(name: str) -> str:

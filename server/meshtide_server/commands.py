@@ -68,6 +68,9 @@ def serve(
     stall_timeout: Annotated[
         float | None, typer.Option(help="Seconds a stream may stand still.", show_default="300")
     ] = None,
+    recursive: Annotated[
+        bool | None, typer.Option("--recursive", help="Host subfolders too, under ids with their path.")
+    ] = None,
     rescan_seconds: Annotated[
         float | None,
         typer.Option(help="How often to look for new and changed files; 0: never.", show_default="5"),
@@ -154,6 +157,7 @@ def serve(
         "ticket_seconds": ticket_seconds,
         "hello_timeout": hello_timeout,
         "stall_timeout": stall_timeout,
+        "recursive": recursive,
         "rescan_seconds": rescan_seconds,
         "connections_per_client": connections_per_client,
         "bytes_per_second": bytes_per_second,

@@ -203,6 +203,7 @@ def _store(data: bytes, targets: list[Path]) -> tuple[Path | None, list[str]]:
 
 def _reason(error: Exception) -> str:
     from meshtide_codec.errors import MeshtideError  # noqa: PLC0415 - with the rest of the codec
+    from meshtide_server.logs import indented  # noqa: PLC0415 - the same
 
     if isinstance(error, MeshtideError):
         return str(error)
@@ -210,7 +211,8 @@ def _reason(error: Exception) -> str:
         return "the mesh does not fit into memory"
     if isinstance(error, OSError):
         return f"{error.filename or 'the mesh'}: {error.strerror or error}"
-    traceback.print_exception(error)  # to standard error: this is a fault of the encoder
+    trace = "".join(traceback.format_exception(error))
+    print(indented(trace.rstrip()), file=sys.stderr, flush=True)  # noqa: T201 - a fault of the encoder, for the log
     return f"the encoder failed: {type(error).__name__}: {error}"
 
 

@@ -32,4 +32,4 @@ def without_folders(text: str, folders: Iterable[Path]) -> str:
 def folders_of(settings: Settings) -> tuple[Path, ...]:
     """The folders in which a server reads and writes."""
     chosen = (settings.directory, settings.cache, settings.data, Path(settings.store) if settings.store else None)
-    return tuple(folder for folder in (*chosen, Path(tempfile.gettempdir()), Path.home()) if folder is not None)
+    return tuple(folder for folder in (*chosen, Path(tempfile.gettempdir())) if folder is not None)

@@ -9,12 +9,15 @@ from __future__ import annotations
 import logging
 import os
 from contextlib import suppress
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_codec.printable import listed_name
 from meshtide_server.hosted_mesh import TIDE_SUFFIX, Source
 from meshtide_server.storage import FileIdentity
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 logger = logging.getLogger("meshtide.server")
 

@@ -14,6 +14,8 @@ from http import HTTPStatus
 from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
+from starlette.exceptions import HTTPException
+
 from meshtide_server.client_limits import ClientLimits
 from meshtide_server.connections import cut
 from meshtide_server.problems import problem_response
@@ -28,6 +30,8 @@ logger = logging.getLogger("meshtide.server")
 
 _ALWAYS_ANSWERED = frozenset({"/healthz", "/readyz"})
 _WRITING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+LARGEST_CHANGE = 512 * 1024
+"""Bytes of a PATCH request's body. The framework has all of it in memory before it looks at the request's token."""
 _CONNECTION_RETRY = 5
 """Seconds after which a client with too many connections is told to try again."""
 
@@ -80,6 +84,8 @@ class Limiting:
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send, client: Client | None) -> None:
         pace = _Pace(scope, send, self._stall_timeout, self._limits, client)
+        if scope.get("method") == "PATCH":
+            receive = _bounded(receive)
         try:
             await self._app(scope, receive, pace.send)
         except Exception:
@@ -116,6 +122,22 @@ class _Pace:
             self.too_slow = True
             cut(self._scope)
             raise SlowClientError(f"nothing was read for {self._stall_timeout:g} s") from None
+
+
+def _bounded(receive: Receive) -> Receive:
+    """`receive` of a request whose body may not be longer than `LARGEST_CHANGE`."""
+    received = 0
+
+    async def counted() -> Message:
+        nonlocal received
+        message = await receive()
+        received += len(message.get("body", b""))
+        if received > LARGEST_CHANGE:
+            words = f"the body is longer than {LARGEST_CHANGE} bytes, more than can be told of a mesh"
+            raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, words, {"Connection": "close"})
+        return message
+
+    return counted
 
 
 def _size(message: Message) -> int:

@@ -2,7 +2,8 @@
 
 The id of the request that is being answered is bound to the running task, so that every line that is written on its
 behalf carries it, also those of libraries. Nothing secret gets into a line: queries of addresses are not logged, and
-what looks like a credential is struck out (see redaction.py).
+what looks like a credential is struck out (see redaction.py). What others have said, such as ids, headers and names of
+files, is shown escaped: no entry has a second line but the trace of a fault, which is indented.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Literal
 
+from meshtide_codec.printable import printable
 from meshtide_server.redaction import RedactionFilter, redact
 
 if TYPE_CHECKING:
@@ -27,6 +29,8 @@ LogFormat = Literal["text", "json"]
 HEADER = b"x-request-id"
 """The header that brings an id in and tells it, in the spelling of ASGI."""
 
+LONGEST_LINE = 10_000
+"""Characters of a line; an error may quote all of a file."""
 _VALID = re.compile(rb"[A-Za-z0-9][A-Za-z0-9._:-]{0,127}", re.ASCII)
 _ID_BYTES = 8
 _request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
@@ -62,6 +66,11 @@ def bound_id(identifier: str) -> Iterator[None]:
         _request_id.reset(token)
 
 
+def indented(trace: str) -> str:
+    """A traceback as it may follow a line: no line of it looks like an entry, whatever an error quotes."""
+    return "\n".join(f"    {printable(line, LONGEST_LINE)}" for line in trace.split("\n"))
+
+
 class TextFormatter(logging.Formatter):
     """Time, level, message; then the request's id, if there is one."""
 
@@ -70,9 +79,19 @@ class TextFormatter(logging.Formatter):
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
         """The line, without the traceback that may follow it."""
-        line = super().formatMessage(record)
+        line = printable(super().formatMessage(record), LONGEST_LINE)
         identifier = request_id()
         return line if identifier is None else f"{line} (request {identifier})"
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line, and the traceback that may follow it."""
+        if record.exc_info and not record.exc_text:
+            record.exc_text = self.formatException(record.exc_info)
+        traced, record.exc_text = record.exc_text, indented(record.exc_text) if record.exc_text else None
+        try:
+            return super().format(record)
+        finally:
+            record.exc_text = traced
 
 
 class JsonFormatter(logging.Formatter):

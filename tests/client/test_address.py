@@ -42,6 +42,19 @@ def test_a_prefix_of_a_proxy_is_kept() -> None:
     assert ServerAddress.parse("https://h/tide/meshes").listing_url == "https://h/tide/meshes"
 
 
+@pytest.mark.parametrize(
+    "mesh", ["scans/bunny", "a/b/c", "meshes/bunny", "a/meshes/b", "../a", "a/./b", "a//b", "ü/ä b"]
+)
+def test_a_mesh_of_a_subfolder_is_found_again_by_its_address(mesh: str) -> None:
+    for prefix in ("", "/tide"):
+        address = ServerAddress.parse(f"https://h{prefix}").mesh(mesh)
+        for url in (str(address), address.page_url, address.file_url, address.stream_url):
+            assert MeshAddress.parse(url) == address
+    assert MeshAddress.parse("http://h/meshes/scans/bunny.tide").mesh == "scans/bunny"
+    assert ServerAddress.parse("http://h").mesh("scans/bunny").stream_url == "ws://h/meshes/scans/bunny/stream"
+    assert "/" not in address.file_stem
+
+
 def test_a_server_can_be_named_by_one_of_its_meshes() -> None:
     assert ServerAddress.parse("ws://h:1/meshes/bunny/stream") == ServerAddress.parse("http://h:1")
     assert ServerAddress.parse("http://h:1").mesh("bunny") == MeshAddress.parse("http://h:1/meshes/bunny")
@@ -61,7 +74,7 @@ def test_a_server_can_be_named_by_one_of_its_meshes() -> None:
         ("http://[::1/meshes/bunny", "is not an address"),
         ("http://h/meshes", "names no mesh"),
         ("http://h/meshes/", "names no mesh"),
-        ("http://h/meshes/a/b", "names no mesh"),
+        ("http://h/meshes//a", "names no mesh"),
         ("http://h/bunny", "names no mesh"),
         ("http://h/meshes/bunny?x=1", r"after \? or #"),
         ("http://h/meshes/bunny#x", r"after \? or #"),

@@ -23,7 +23,9 @@ BURNT_SECONDS = 0.6
 _encode = encoding._encode
 
 
-def faulty_encode(job: dict[str, Any], reporter: encoding.Reporter, notes: list[str]) -> tuple[bytes, list[list[float]]]:
+def faulty_encode(
+    job: dict[str, Any], reporter: encoding.Reporter, notes: list[str]
+) -> tuple[bytes, list[list[float]]]:
     file = Path(job["file"])
     fault = FAULTS.get(file.stem.split("-")[0]) if file.suffix != ".tide" else None
     return (fault(reporter), [[0.0] * 3] * 2) if fault is not None else _encode(job, reporter, notes)

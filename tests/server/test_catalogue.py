@@ -12,6 +12,7 @@ from meshtide_server.catalogue import (
     StreamRecord,
     UnknownMeshError,
 )
+from meshtide_server.catalogue.rows import Told
 
 from .catalogues import stream_record
 
@@ -177,8 +178,16 @@ async def test_a_change_and_an_upload_at_once_leave_the_upload(catalogue: Catalo
         upload = catalogue.add_with_job(MeshRecord(mesh_id, "new.obj", ("new",)), "sources/a.obj", {}, replace=True)
         await asyncio.gather(catalogue.change(mesh_id, licence="CC0"), upload)
         mesh = await catalogue.meshes.get(mesh_id)
-        assert (mesh.name, mesh.tags, mesh.licence, mesh.state) == ("new.obj", ("new",), "", MeshState.ENCODING)
-        assert mesh.stream is None
+        assert (mesh.state, mesh.stream is None) == (MeshState.READY, False)  # until the job is done
+        (job,) = await catalogue.jobs.list(mesh_id=mesh_id)
+        assert job.told == Told("new.obj", ("new",), "", None)
+        again = await catalogue.change(mesh_id, licence="MIT")
+        assert (again.state, again.licence == "MIT") == (MeshState.ENCODING, False)  # the job brings all of this
+        claimed = await catalogue.jobs.claim("worker")
+        assert claimed is not None
+        await catalogue.jobs.fail(claimed.id, "worker", "no mesh", retry=False)
+        assert (await catalogue.meshes.get(mesh_id)) == mesh
+        assert (await catalogue.change(mesh_id, licence="MIT")).licence == "MIT"
 
 
 async def test_tags_are_counted(catalogue: Catalogue) -> None:

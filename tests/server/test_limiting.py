@@ -5,7 +5,8 @@ import json
 import logging
 import socket
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from meshtide_codec.stream.session import ClientSession
-from meshtide_server.limiting import Limiting, SlowClientError
+from meshtide_server.limiting import LARGEST_CHANGE, Limiting, SlowClientError
 from meshtide_server.settings import Settings
 
 from .conftest import make_stream
@@ -170,3 +171,22 @@ def test_refusals_are_problems(folder: Path, serve: Any) -> None:
     server = serve(settings(folder, writes_per_minute=1))
     httpx.post(f"{server.url}/tickets")
     assert set(json.loads(httpx.post(f"{server.url}/tickets").content)) == {"error", "message"}
+
+
+def test_a_body_without_end_is_not_kept_for_a_stranger(folder: Path, serve: Any) -> None:
+    server = serve(Settings(directory=folder, data=folder / "data", rescan_seconds=0))
+    sent = 0
+
+    def endless() -> Iterator[bytes]:
+        nonlocal sent
+        yield b'{"licence": "'
+        for _ in range(512):
+            sent += 1 << 16
+            yield b"x" * (1 << 16)
+
+    with suppress(httpx.WriteError):  # it may be refused while it is still sent
+        answer = httpx.patch(f"{server.url}/meshes/small", content=endless(), timeout=20.0)
+        assert (answer.status_code, answer.json()["error"]) == (413, "too-large")
+    assert LARGEST_CHANGE < sent < 1 << 25
+    change = {"licence": "x" * 20_000, "tags": ["\u00fc" * 100] * 50}
+    assert httpx.patch(f"{server.url}/meshes/small", json=change).status_code == 403

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from meshtide_server.logs import JsonFormatter, TextFormatter, accepted_id, bound_id, request_id, set_up_log
+from meshtide_server.logs import JsonFormatter, LogFormat, TextFormatter, accepted_id, bound_id, request_id, set_up_log
 from meshtide_server.redaction import RedactionFilter
 
 
@@ -95,3 +95,29 @@ def test_the_log_is_set_up_once_and_hides_secrets_at_every_level(
     assert "s3cr3t" not in line
     assert json.loads(line)["logger"] == "meshtide.server"
     assert root.level == logging.DEBUG
+
+
+HOSTILE = "a\x1b[2J\r\n12:00:00 ERROR all is lost\u202e\x00\udcff"
+
+
+@pytest.mark.usefixtures("root")
+@pytest.mark.parametrize("logger", ["meshtide.server", "meshtide.access", "uvicorn.error", "websockets.server"])
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_what_others_say_is_one_line_and_steers_no_terminal(
+    logger: str, form: LogFormat, capsys: pytest.CaptureFixture[str]
+) -> None:
+    set_up_log("debug", form)
+    logging.getLogger(logger).warning("a client sent %s", HOSTILE)
+    try:
+        raise ValueError(HOSTILE)
+    except ValueError:
+        logging.getLogger(logger).exception("fault of %s", HOSTILE)
+    written = capsys.readouterr().err
+    assert not re.search("[\\x00-\\x09\\x0b-\\x1f\\x7f-\\x9f\\u202e\\ud800-\\udfff]", written)
+    lines = written.splitlines()
+    assert not [line for line in lines if line.startswith("12:00:00 ERROR")]
+    entries = [line for line in lines if not line.startswith("    ")]
+    assert len(entries) == 2
+    assert "all is lost" in entries[0]
+    assert "Traceback" in written
+    assert "ValueError" in written
