@@ -68,8 +68,8 @@ def encode(
         str | None, typer.Option(help="classic: the very levels whose Diffs are sent, such as 0,2,3.")
     ] = None,
     keep_unreferenced: Annotated[bool, typer.Option(help="Keep vertices that no face uses.")] = False,
-    store_permutation: Annotated[
-        bool, typer.Option(help="Store which stream vertex each input vertex became, to restore the input's order.")
+    store_order: Annotated[
+        bool, typer.Option(help="Keep all vertices, and store the order of vertices and faces, to restore it.")
     ] = False,
     report_to: Annotated[
         Path | None,
@@ -109,8 +109,8 @@ def encode(
     with progress_bar("encode") as progress:
         progress("read", 0.0)
         loaded = load_mesh(mesh, keep_unreferenced=True)
-        kept = loaded if keep_unreferenced else loaded.referenced()
-        encoded = encode_mesh(kept, options, store_permutation=store_permutation, progress=progress)
+        kept = loaded if keep_unreferenced or store_order else loaded.referenced()
+        encoded = encode_mesh(kept, options, store_order=store_order, progress=progress)
     target = output or mesh.with_suffix(".tide")
     data = encoded.to_bytes()
     write_atomically(target, data)
@@ -142,7 +142,7 @@ def decode(
     level: Annotated[int, typer.Option(help="Level to decode; 0 is the finest.")] = 0,
     partial: Annotated[bool, typer.Option(help="Take what a cut-off or damaged file still holds.")] = False,
     input_order: Annotated[
-        bool, typer.Option(help="Level 0 with the vertices as the input had them; needs --store-permutation.")
+        bool, typer.Option(help="Level 0 with vertices and faces as the input had them; needs --store-order.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -154,7 +154,7 @@ def decode(
     from meshtide_codec.decoder import Decoder
     from meshtide_codec.errors import OptionError
     from meshtide_codec.mesh_files import save_mesh
-    from meshtide_codec.permutation import in_input_order
+    from meshtide_codec.order import in_input_order
     from meshtide_codec.stream.container import read_available
 
     header, packets, problem = read_available(stream.read_bytes())
@@ -174,9 +174,9 @@ def decode(
             raise problem or OptionError("the stream holds no whole level")
         mesh = decoder.mesh(shown)
         if input_order:
-            if decoder.permutation is None or shown != 0:
-                raise OptionError("the input's order is known for level 0 of a stream with a stored permutation only")
-            mesh = in_input_order(mesh, decoder.permutation)
+            if decoder.order is None or shown != 0:
+                raise OptionError("the input's order is known for level 0 of a stream encoded with --store-order only")
+            mesh = in_input_order(mesh, decoder.order)
     target = output or stream.with_suffix(".ply")
     save_mesh(mesh, target)
     answer = {
