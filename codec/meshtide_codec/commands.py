@@ -76,8 +76,8 @@ def encode(
         str | None, typer.Option("--format", help="What the file is, such as ply, whatever its name tells.")
     ] = None,
     keep_unreferenced: Annotated[bool, typer.Option(help="Keep vertices that no face uses.")] = False,
-    store_permutation: Annotated[
-        bool, typer.Option(help="Store which stream vertex each input vertex became, to restore the input's order.")
+    store_order: Annotated[
+        bool, typer.Option(help="Keep all vertices, and store the order of vertices and faces, to restore it.")
     ] = False,
     report_to: Annotated[
         Path | None,
@@ -123,9 +123,9 @@ def encode(
     with progress_bar("encode") as progress:
         progress("read", 0.0)
         scene = load_scene(mesh, kind=mesh_format)
-        loaded = mesh_of(scene, mesh, keep_unreferenced=keep_unreferenced)
+        loaded = mesh_of(scene, mesh, keep_unreferenced=keep_unreferenced or store_order)
         check_same_mesh(target, loaded.mesh, overwrite=overwrite)
-        encoded = encode_mesh(loaded.mesh, options, store_permutation=store_permutation, progress=progress)
+        encoded = encode_mesh(loaded.mesh, options, store_order=store_order, progress=progress)
     data = encoded.to_bytes()
     target.write(data)
     report = _report(encoded.header) | {
@@ -167,7 +167,7 @@ def decode(
     level: Annotated[int, typer.Option(help="Level to decode; 0 is the finest.")] = 0,
     partial: Annotated[bool, typer.Option(help="Take what a cut-off or damaged file still holds.")] = False,
     input_order: Annotated[
-        bool, typer.Option(help="Level 0 with the vertices as the input had them; needs --store-permutation.")
+        bool, typer.Option(help="Level 0 with vertices and faces as the input had them; needs --store-order.")
     ] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -183,8 +183,8 @@ def decode(
     from meshtide_codec.errors import OptionError
     from meshtide_codec.mesh_files import save_mesh
     from meshtide_codec.mesh_files.write import check_format
+    from meshtide_codec.order import in_input_order
     from meshtide_codec.output_policy import output_file
-    from meshtide_codec.permutation import in_input_order
     from meshtide_codec.printable import shown
     from meshtide_codec.stream.container import read_available
 
@@ -209,9 +209,9 @@ def decode(
             raise problem or OptionError("the stream holds no whole level")
         mesh = decoder.mesh(found)
         if input_order:
-            if decoder.permutation is None or found != 0:
-                raise OptionError("the input's order is known for level 0 of a stream with a stored permutation only")
-            mesh = in_input_order(mesh, decoder.permutation)
+            if decoder.order is None or found != 0:
+                raise OptionError("the input's order is known for level 0 of a stream encoded with --store-order only")
+            mesh = in_input_order(mesh, decoder.order)
     save_mesh(mesh, target.path, kind=kind, replace=target.replace)
     answer = {
         "output": str(target.path),

@@ -22,7 +22,7 @@ from meshtide_codec.compact.decoder import CompactDecoder
 from meshtide_codec.errors import ContainerError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.permutation import read_permutation
+from meshtide_codec.order import Order, read_order
 from meshtide_codec.quantize import dequantize
 from meshtide_codec.stream.container import read_container
 from meshtide_codec.stream.packets import PacketKind
@@ -70,7 +70,8 @@ class Decoder:
             limits.check_mesh(row.vertices, row.faces, level=row.level)
         self.header = header
         self._limits = limits
-        self._permutation: NDArray[np.int64] | None = None
+        self._order: Order | None = None
+        self._order_packet: Packet | None = None
         self._perturb = perturb
         self._perturbed_levels: set[int] = set()
         hook = None if perturb is None else self._perturbed
@@ -89,15 +90,25 @@ class Decoder:
             PacketError: the packet does not belong to this stream, came before, or is damaged; what was decoded
                 before stays usable.
         """
-        if packet.kind is PacketKind.PERMUTATION and self._permutation is None:
-            self._permutation = read_permutation(packet, self.header.vertices, self._limits)
+        if packet.kind is PacketKind.ORDER and self._order_packet is None:
+            self._order_packet = packet
+            self._read_order()
             return []
-        return [LevelUpdate(level, self.is_exact(level)) for level in self._decoder.push(packet)]
+        updates = [LevelUpdate(level, self.is_exact(level)) for level in self._decoder.push(packet)]
+        if self._order is None and any(update.level == 0 for update in updates):
+            self._read_order()
+        return updates
+
+    def _read_order(self) -> None:
+        """Read the Order packet once both it and the faces of level 0 are there."""
+        if self._order_packet is not None and self.is_available(0):
+            faces = self._decoder.faces(0)
+            self._order = read_order(self._order_packet, faces, self.header.vertices, self._limits)
 
     @property
-    def permutation(self) -> NDArray[np.int64] | None:
-        """(input vertices,) the vertex of level 0 that each input vertex became, once its packet is there."""
-        return self._permutation
+    def order(self) -> Order | None:
+        """How the input's vertices and faces stood, once its packet and the faces of level 0 are there."""
+        return self._order
 
     @property
     def finest(self) -> int | None:

@@ -12,7 +12,7 @@ from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.encoder import CompactEncoding
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.distortion import DistortionMeter
-from meshtide_codec.permutation import permutation_packet
+from meshtide_codec.order import Order, order_packet
 from meshtide_codec.quantize import QuantizedMesh, quantize
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.distances import stored_distances
@@ -58,7 +58,7 @@ def encode(
     mesh: Mesh,
     options: Options | None = None,
     *,
-    store_permutation: bool = False,
+    store_order: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> EncodedMesh:
     """Encode `mesh`; the same mesh and options give the same bytes.
@@ -66,7 +66,7 @@ def encode(
     Args:
         mesh: any triangle mesh.
         options: `CompactOptions` or `ClassicOptions`; the compact profile's defaults when left out.
-        store_permutation: whether the stream also tells which of its vertices each input vertex became.
+        store_order: whether the stream also tells how the input's vertices and faces stood, see `order`.
         progress: is called with the name of a stage and the fraction of it that is done.
 
     Raises:
@@ -87,8 +87,9 @@ def encode(
         encoding = ClassicEncoding(quantized, options, progress)
     else:
         encoding = CompactEncoding(quantized, options, progress)
-    if store_permutation:
-        encoding.packets.append(permutation_packet(quantized.permutation, len(quantized.positions)))
+    if store_order:
+        order = Order(quantized.permutation, mesh.faces)
+        encoding.packets.append(order_packet(order, quantized.faces, len(quantized.positions)))
     return describe(encoding, quantized, progress)
 
 

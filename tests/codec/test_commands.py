@@ -111,10 +111,11 @@ def test_the_compact_profile_is_the_default(mesh_file: Path, options: list[str])
 
 
 def test_the_order_of_the_input_can_be_kept(mesh_file: Path, tmp_path: Path) -> None:
-    assert meshtide("encode", mesh_file, "-o", tmp_path / "kept.tide", "--store-permutation").exit_code == 0
+    assert meshtide("encode", mesh_file, "-o", tmp_path / "kept.tide", "--store-order").exit_code == 0
     assert meshtide("decode", tmp_path / "kept.tide", "--input-order").exit_code == 0
     restored, original = load_mesh(tmp_path / "kept.decoded.ply"), load_mesh(mesh_file)
     assert (abs(restored.vertices - original.vertices) < 0.01).all()
+    assert (restored.faces == original.faces).all()
     assert meshtide("encode", mesh_file, "-o", tmp_path / "lost.tide").exit_code == 0
     assert isinstance(meshtide("decode", tmp_path / "lost.tide", "--input-order").exception, OptionError)
 

@@ -13,8 +13,8 @@ from meshtide_codec.comparison.layers import (
     HEADER,
     LAYERS,
     MAP,
+    ORDER,
     PARAM,
-    PERMUTATION,
     layer_bytes,
     totals,
 )
@@ -63,7 +63,7 @@ def test_a_stream_without_faces_has_nothing_but_maps_and_diffs(effort: Effort) -
 
 
 def test_a_classic_stream_has_cells_and_filters() -> None:
-    encoded = encode(grid(24), ClassicOptions(bits=10, coarsest_vertices=12), store_permutation=True)
+    encoded = encode(grid(24), ClassicOptions(bits=10, coarsest_vertices=12), store_order=True)
     assert list(totals(layer_bytes(encoded.header, encoded.packets))) == [
-        HEADER, CELLS, MAP, CONN, PARAM, DIFF, PERMUTATION,
+        HEADER, CELLS, MAP, CONN, PARAM, DIFF, ORDER,
     ]  # fmt: skip

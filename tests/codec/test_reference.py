@@ -19,7 +19,7 @@ from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import ContainerError, PacketError, StreamError
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.reference import reference_decode, reference_permutation
+from meshtide_codec.reference import reference_decode, reference_order
 from meshtide_codec.stream.container import read_container, write_container
 from meshtide_codec.stream.packets import PacketKind
 
@@ -67,10 +67,14 @@ def test_random_meshes(effort: Effort, mesh: Mesh) -> None:
 
 
 def test_the_order_of_the_input() -> None:
-    encoded = encode(tangle(), CompactOptions(bits=8), store_permutation=True)
+    mesh = tangle()
+    encoded = encode(mesh, CompactOptions(bits=8), store_order=True)
     data = encoded.to_bytes()
-    assert reference_permutation(data) == encoded.quantized.permutation.tolist()
-    assert reference_permutation(encode(tangle()).to_bytes()) is None
+    found = reference_order(data)
+    assert found is not None
+    assert found[0] == encoded.quantized.permutation.tolist()
+    assert [list(face) for face in found[1]] == mesh.faces.tolist()
+    assert reference_order(encode(mesh).to_bytes()) is None
     assert np.array_equal(reference_decode(data).faces, decode(data).faces)
 
 

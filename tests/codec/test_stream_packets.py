@@ -12,7 +12,7 @@ def test_numbers_of_kinds_are_frozen() -> None:
         "Param": 2,
         "Diff": 3,
         "Preview": 4,
-        "Permutation": 5,
+        "Order": 5,
     }
 
 

@@ -30,7 +30,7 @@ KIND_NAMES = {
     "param": PacketKind.PARAM,
     "diff": PacketKind.DIFF,
     "preview": PacketKind.PREVIEW,
-    "permutation": PacketKind.PERMUTATION,
+    "order": PacketKind.ORDER,
 }
 LARGEST_INDEX = 1 << 20
 
@@ -60,7 +60,7 @@ def parse_unprotected(text: str) -> frozenset[PacketKind]:
         OptionError: an unknown kind.
 
     >>> sorted(kind.label for kind in parse_unprotected("map-conn,param"))
-    ['Base', 'Permutation', 'Preview']
+    ['Base', 'Order', 'Preview']
     """
     if text.strip() == "all":
         return frozenset()

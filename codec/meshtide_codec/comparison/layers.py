@@ -32,15 +32,15 @@ MAP = "Map"
 CONN = "Conn"
 PARAM = "Param"
 DIFF = "Diff"
-PERMUTATION = "Permutation"
-LAYERS = (HEADER, PREVIEW, CELLS, MAP, CONN, PARAM, DIFF, PERMUTATION)
+ORDER = "Order"
+LAYERS = (HEADER, PREVIEW, CELLS, MAP, CONN, PARAM, DIFF, ORDER)
 """Layers in the order in which they are listed; Cells are the positions of a classic stream's coarsest level."""
 
 _WHOLE = {
     PacketKind.PREVIEW: PREVIEW,
     PacketKind.PARAM: PARAM,
     PacketKind.DIFF: DIFF,
-    PacketKind.PERMUTATION: PERMUTATION,
+    PacketKind.ORDER: ORDER,
 }
 
 

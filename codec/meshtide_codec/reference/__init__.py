@@ -6,6 +6,6 @@ so for every thousand vertices.
 """
 
 from meshtide_codec.reference.decoder import reference_decode
-from meshtide_codec.reference.permutation import reference_permutation
+from meshtide_codec.reference.order import reference_order
 
-__all__ = ["reference_decode", "reference_permutation"]
+__all__ = ["reference_decode", "reference_order"]

@@ -15,7 +15,7 @@ from meshtide_codec.reference.packed_header import HeaderFields, Row, read_packe
 
 MAGIC = b"\x89TIDE\r\n\x1a"
 PREAMBLE = struct.Struct("<8sHII")
-BASE, MAP_CONN, PARAM, DIFF, PREVIEW, PERMUTATION = range(6)
+BASE, MAP_CONN, PARAM, DIFF, PREVIEW, ORDER = range(6)
 Key = tuple[int, int, int]
 """Kind, level and slice of a packet."""
 

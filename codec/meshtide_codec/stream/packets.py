@@ -22,7 +22,7 @@ class PacketKind(IntEnum):
     PARAM = 2
     DIFF = 3
     PREVIEW = 4
-    PERMUTATION = 5
+    ORDER = 5
 
     @property
     def label(self) -> str:
@@ -36,7 +36,7 @@ _LABELS = {
     PacketKind.PARAM: "Param",
     PacketKind.DIFF: "Diff",
     PacketKind.PREVIEW: "Preview",
-    PacketKind.PERMUTATION: "Permutation",
+    PacketKind.ORDER: "Order",
 }
 
 
