@@ -4,7 +4,7 @@ Format: Geomview manual, "OFF Files" and "Binary format": ``[ST][C][N][4][n]OFF`
 the numbers of vertices, faces and edges; of each vertex its position (four components with a 4, the last one
 divides), normal, colour, texture coordinates; of each face the number of its corners, these, and a colour: nothing, one
 number (a row of a colour map), or three or four, integers of 0..255 or floats of 0..1. What the values are called in
-memory: COLOR_0, NORMAL, TEXCOORD_0; `COLOR_INDEX` for rows of a colour map.
+memory: COLOR_0, NORMAL, TEXCOORD_0; COLOR_INDEX for rows of a colour map.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.off_binary import read_binary_rows
-from meshtide_codec.mesh_files.off_rows import OffKeyword
+from meshtide_codec.mesh_files.off_rows import COLOR_INDEX, OffKeyword
 from meshtide_codec.mesh_files.off_text import read_text_rows
 from meshtide_codec.mesh_files.off_writing import write_off
 from meshtide_codec.mesh_files.polygons import triangulated
@@ -160,7 +160,7 @@ def _face_colors(rows: OffRows, polygon: NDArray[np.int64], notes: list[str]) ->
         values = rows.color_values[starts[indexed], None]
         if (np.abs(values) < 1 << 31).all() and (values % 1 == 0).all():
             values = values.astype(np.int32)
-            attributes.append(_of_faces("COLOR_INDEX", Kind.LABEL, values, indexed, len(rows.counts), polygon))
+            attributes.append(_of_faces(COLOR_INDEX, Kind.LABEL, values, indexed, len(rows.counts), polygon))
         else:
             notes.append("rows of a colour map are no whole numbers: left out")
     return attributes

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
     from meshtide_codec.limits import FileLimits
 
+COLOR_INDEX = "COLOR_INDEX"
+"""The attribute of faces that holds the rows of a colour map."""
+
 
 @dataclass(frozen=True, slots=True)
 class OffKeyword:
@@ -93,6 +96,8 @@ def pieces(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.i
     >>> pieces(np.array([10, 20]), np.array([2, 3])).tolist()
     [10, 11, 20, 21, 22]
     """
+    if len(counts) and counts.min() == counts.max():
+        return (starts[:, None] + np.arange(counts[0])).reshape(-1)
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0
     places: NDArray[np.int64] = np.arange(total) + np.repeat(starts - (ends - counts), counts)

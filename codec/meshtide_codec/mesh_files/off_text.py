@@ -8,8 +8,8 @@ How the rows are found:
    where the faces make no sense after four.
 2. *Faces.* A colour ends with its line: what follows the last corner on the corner's line is the face's colour, if all
    faces are complete then and each has 0, 1, 3 or 4 such words. Otherwise nothing is a colour and each face
-   follows the last corner of the one before it, wherever lines end. If that fails too and each face has a line, what
-   follows its corners is left out, which is told.
+   follows the last corner of the one before it, wherever lines end, to the last word. If that fails too and each
+   face has a line, what follows its corners is left out, which is told.
 3. The number of edges, which has no use, may be missing where the counts stand on a line of their own.
 
 The first way that gives as many faces as declared, with all corners in range, is taken; if none does, the error is
@@ -74,8 +74,8 @@ def read_text_rows(text: bytes, offset: int, keyword: OffKeyword, limits: FileLi
             except MeshFileError as error:
                 first_error = first_error or error
                 continue
-            if text[-1:].strip():
-                note = "its last line has no end: if the file was cut off there, its last number may be wrong"
+            if not text.endswith(b"\n"):
+                note = "its last line has no end: if the file was cut off there, its last row may be wrong"
                 return replace(rows, notes=(*rows.notes, note))
             return rows
     raise first_error or MeshFileError("the OFF file ends behind its counts")
@@ -162,7 +162,7 @@ def _faces(
         stop = words.first_bad(start, stop)  # it may stand behind the last face
         values = words.integers(start, stop)
     breaks = words.first[(words.first > start) & (words.first < stop)].astype(np.int64) - start
-    lines = np.concatenate([np.zeros(1, np.int64), breaks])
+    lines = np.concatenate([np.zeros(min(1, len(values)), np.int64), breaks])
 
     def place(face: int) -> str:
         return f"line {words.line(start + int(begins[face]))}: "
@@ -248,7 +248,7 @@ def _by_words(values: _Values, _lines: NDArray[np.int64], faces: int) -> _Layout
     """Each face follows the last corner of the one before it."""
     none = np.zeros(faces, np.int64)
     first = (_count(values, 0) or 0) + 1
-    if len(values) >= first * faces and (values[: first * faces : first] == first - 1).all():
+    if len(values) == first * faces and (values[: first * faces : first] == first - 1).all():
         return np.arange(faces) * first, none + (first - 1), none
     rows = np.zeros((faces, 2), np.int64)
     begin = 0
@@ -258,6 +258,8 @@ def _by_words(values: _Values, _lines: NDArray[np.int64], faces: int) -> _Layout
             raise MeshFileError(f"the OFF file is cut short: {faces} faces are declared, face {face} is not complete")
         rows[face] = begin, count
         begin += 1 + count
+    if begin < len(values):
+        raise MeshFileError(f"{len(values) - begin} numbers follow the last face of the OFF file, on its line")
     return rows[:, 0], rows[:, 1], none
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.mesh_files.formats import Written
 from meshtide_codec.mesh_files.left_out import not_kept
+from meshtide_codec.mesh_files.off_rows import COLOR_INDEX
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -58,7 +59,7 @@ def _first(mesh: Mesh, kind: Kind, domain: Domain, widths: tuple[int, ...]) -> A
         if one.kind is not kind or one.domain is not domain or one.values.shape[1] not in widths:
             continue
         rows = one.rows()
-        if kind is Kind.LABEL and one.values.dtype.kind not in "iu":
+        if kind is Kind.LABEL and (one.name != COLOR_INDEX or one.values.dtype.kind not in "iu"):
             continue
         if domain is Domain.VERTEX and (rows == NONE).any():
             continue  # each vertex has one, or none has

@@ -94,10 +94,10 @@ def _cut(
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Triangles of k polygons of n corners each: their positions (k, n, 3), their numbers, their corners' places."""
     size = points.shape[1]
+    points = _near_one(points)
     with np.errstate(all="ignore"):  # what is not finite becomes a fan, and is refused with its vertex's name
         edges = np.roll(points, -1, axis=1) - points
-        spokes = points - points[:, :1]
-        normal = np.cross(spokes, np.roll(spokes, -1, axis=1)).sum(axis=1)
+        normal = np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)
         square = (normal * normal).sum(axis=1)
         before = np.roll(edges, 1, axis=1)
         turn = np.einsum("kni,ki->kn", np.cross(before, edges), normal)
@@ -132,19 +132,30 @@ def _cut(
         yield np.full(len(ears), chosen[index]), places[index][ears]
 
 
+def _near_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Polygons (k, n, 3) moved so that the first corner is at the origin, and scaled by powers of two to sizes near 1.
+
+    No product of coordinates overflows or vanishes then.
+    """
+    with np.errstate(all="ignore"):
+        moved = points * 0.5
+        moved -= moved[:, :1].copy()
+        _, exponents = np.frexp(np.abs(moved).max(axis=(1, 2)))
+        near: NDArray[np.float64] = np.ldexp(moved, -exponents[:, None, None])
+    return near
+
+
 def _ears(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
     """Triangles (n - 2, 3) of one polygon (n, 3) in the plane across its normal; corners rise along the outline."""
     from mapbox_earcut import triangulate_float64  # noqa: PLC0415 - few files have concave polygons
 
     size = len(points)
-    relative = points - points[0]
-    scale = np.abs(relative).max()
     axis = np.zeros(3)
     axis[np.argmin(np.abs(normal))] = 1.0
     across = np.cross(normal, axis)
     across /= np.linalg.norm(across)
     upward = np.cross(normal / np.linalg.norm(normal), across)
-    plane = np.ascontiguousarray(relative / scale @ np.stack([across, upward], axis=1))
+    plane = np.ascontiguousarray(points @ np.stack([across, upward], axis=1))
     found = triangulate_float64(plane, np.array([size], np.uint32)).reshape(-1, 3).astype(np.int64)
     # Along the outline the corners of every triangle rise, whichever way earcut turned it.
     triangles = _with_all_corners(np.sort(found, axis=1).tolist(), size)

@@ -143,7 +143,7 @@ def expanded(data: bytes, limits: FileLimits) -> bytes:
     >>> expanded(gzip.compress(b"v 0 0 0"), FileLimits())
     b'v 0 0 0'
     """
-    most = min(limits.file_bytes, max(_FREE_EXPANSION, _LARGEST_EXPANSION * len(data)))
+    most = largest_expansion(len(data), limits)
     pieces: list[bytes] = []
     size = 0
     rest = data
@@ -164,3 +164,8 @@ def expanded(data: bytes, limits: FileLimits) -> bytes:
     except zlib.error as error:
         raise MeshFileError(f"the archive is damaged: {error}") from error
     return b"".join(pieces)
+
+
+def largest_expansion(size: int, limits: FileLimits) -> int:
+    """How many bytes an archive of `size` bytes may hold."""
+    return min(limits.file_bytes, max(_FREE_EXPANSION, _LARGEST_EXPANSION * size))

@@ -25,7 +25,9 @@ _BLANK = 32
 _FACET = re.compile(rb"\sfacet\s+normal\s+[-+.\dni]")
 _NUMBER_STARTS = np.zeros(256, bool)
 _NUMBER_STARTS[list(b"+-.0123456789")] = True
-_PASSED = (b"facet", b"normal", b"outer", b"loop", b"endloop", b"endfacet", b"nan", b"inf", b"nan(ind)", b"infinity")
+_KNOWN = (b"vertex", b"facet", b"normal", b"outer", b"loop", b"endloop", b"endfacet", b"nan", b"inf", b"infinity")
+_IN_A_FACET = np.frombuffer(b"fnolvvvee", np.uint8)
+"""The first letters of the words of a facet: facet normal, outer loop, three times vertex, endloop, endfacet."""
 
 
 def read_text_corners(data: bytes, limits: FileLimits) -> tuple[NDArray[np.float64], list[str]]:
@@ -41,18 +43,18 @@ def read_text_corners(data: bytes, limits: FileLimits) -> tuple[NDArray[np.float
     begins[1:] &= raw[:-1] <= _BLANK
     starts = np.flatnonzero(begins)
     del begins
-    vertex, facet = _are(raw, starts, b"vertex"), _are(raw, starts, b"facet")
+    letters = np.flatnonzero(~_NUMBER_STARTS[raw[starts]])  # words that are no numbers, but nan and inf
+    vertex, facet = _are(raw, starts[letters], b"vertex"), _are(raw, starts[letters], b"facet")
     corners, facets = int(vertex.sum()), int(facet.sum())
     limits.check_counts(corners, facets)
     if facets and not ended:
         raise MeshFileError("the STL file is cut short: no endsolid follows its last facet")
-    places = np.flatnonzero(vertex)
-    of_facet = np.cumsum(facet)[places]
+    of_facet = np.cumsum(facet, dtype=np.int32)[vertex]
     if facets == 0 or corners != 3 * facets or (of_facet != np.repeat(np.arange(1, facets + 1), 3)).any():
         message = f"the STL file has {facets} facets and {corners} vertices, which are three for each facet"
         raise MeshFileError(message)
-    notes = _other_words(raw, starts, vertex)
-    return _numbers(raw, starts, places), notes
+    notes = _other_words(raw, starts[letters])
+    return _numbers(raw, starts, letters[vertex]), notes
 
 
 def _without_names(text: bytes) -> tuple[bytes, bool]:
@@ -95,10 +97,12 @@ def _are(raw: NDArray[np.uint8], starts: NDArray[np.int64], word: bytes) -> NDAr
     return same
 
 
-def _other_words(raw: NDArray[np.uint8], starts: NDArray[np.int64], vertex: NDArray[np.bool_]) -> list[str]:
-    """What to say of words that the format does not have."""
-    words = starts[~_NUMBER_STARTS[raw[starts]] & ~vertex]
-    for word in _PASSED:
+def _other_words(raw: NDArray[np.uint8], words: NDArray[np.int64]) -> list[str]:
+    """What to say of words that the format does not have, looked for by their first letters, then as a whole."""
+    size = len(_IN_A_FACET)
+    if len(words) % size == 0 and (raw[words].reshape(-1, size) == _IN_A_FACET).all():
+        return []
+    for word in _KNOWN:
         words = words[~_are(raw, words, word)]
     if len(words) == 0:
         return []

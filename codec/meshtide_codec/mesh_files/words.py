@@ -38,12 +38,12 @@ class Words:
     def __init__(self, text: bytes, offset: int = 0) -> None:
         self.text = text
         raw = np.frombuffer(text, np.uint8, offset=offset)
-        filled = raw > _BLANK
-        begins = filled.copy()
-        begins[1:] &= ~filled[:-1]
+        begins = raw > _BLANK
+        begins[1:] &= raw[:-1] <= _BLANK
         kind = np.int32 if len(text) < _INT32 else np.int64
         self.starts = np.flatnonzero(begins).astype(kind)
         """(count,) where each word starts, in bytes of `text`."""
+        del begins
         breaks = np.flatnonzero(raw == ord("\n")).astype(kind)
         first = np.searchsorted(self.starts, breaks)
         first = np.concatenate([np.zeros(1, first.dtype), first])
