@@ -38,9 +38,9 @@ def rotated(polygon: list[int]) -> list[int]:
 
 def star(draw: st.DrawFn) -> np.ndarray:
     """A polygon (n, 2), all of which is seen from the origin; concave as a rule."""
-    size = draw(st.integers(3, 14))
+    size = draw(st.integers(4, 14))
     radii = draw(st.lists(st.floats(0.2, 3.0), min_size=size, max_size=size))
-    steps = np.array(draw(st.lists(st.floats(0.5, 1.5), min_size=size, max_size=size)))
+    steps = np.array(draw(st.lists(st.floats(0.6, 1.4), min_size=size, max_size=size)))
     angles = np.cumsum(steps) * 2 * np.pi / steps.sum()
     return np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.array(radii)[:, None]
 
@@ -119,6 +119,15 @@ def test_bent_polygons_become_as_many_triangles(flat: np.ndarray, seed: int) -> 
     mesh = cut(points)
     assert len(mesh.faces) == len(points) - 2
     assert [rotated(one) for one in mesh.polygons_as_lists()] == [list(range(len(points)))]
+
+
+def test_corners_in_one_place_and_on_a_line_but_for_rounding() -> None:
+    steps = [[0, 0], [1, 0], [2, 0], [3, 0], [4, 0], [4, 4], [3, 4], [3, 1], [2, 1], [2, 1], [1, 1], [1, 4], [0, 4]]
+    random = np.random.default_rng(0)
+    for _ in range(100):
+        axes = np.linalg.qr(random.normal(size=(3, 2)))[0].T
+        points = np.roll(np.array(steps, float), random.integers(13), axis=0) @ axes
+        assert np.abs(areas(cut(points), np.cross(*axes))).sum() == pytest.approx(10)
 
 
 def keyholed(hole: np.ndarray) -> np.ndarray:

@@ -3,8 +3,8 @@
 Triangles pass as they are. Of a quadrilateral the shorter diagonal is taken, of those that lie inside. Other polygons
 become a fan around their first corner where they are convex, seen along their mean normal (Newell's, so bent ones have
 one too). The rest, concave polygons and those with holes that a slit joins to the outline, are cut by ears (mapbox
-earcut) in the plane of that normal. Earcut leaves out corners on straight lines; they are put back, as the corner of
-the next polygon may stand there. Polygons of no area are fans. Cost: linear in the corners, but for concave polygons.
+earcut) in the plane of that normal. Corners on straight lines are left out before and put back after it, as the corner
+of the next polygon may stand there. Polygons of no area are fans. Cost: linear in the corners, but for concave polygons.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ _FIRST_DIAGONAL = [[0, 1, 2], [0, 2, 3]]
 _SECOND_DIAGONAL = [[0, 1, 3], [1, 2, 3]]
 _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
+
+_ROUNDING = 1e-15
+"""Errors of coordinates near 1 after a rotation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,14 +158,35 @@ def _ears(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[n
     across = np.cross(normal, axis)
     across /= np.linalg.norm(across)
     upward = np.cross(normal / np.linalg.norm(normal), across)
-    plane = np.ascontiguousarray(points @ np.stack([across, upward], axis=1))
-    found = triangulate_float64(plane, np.array([size], np.uint32)).reshape(-1, 3).astype(np.int64)
+    plane = points @ np.stack([across, upward], axis=1)
+    bends = _bends(plane)
+    found = triangulate_float64(np.ascontiguousarray(plane[bends]), np.array([len(bends)], np.uint32))
     # Along the outline the corners of every triangle rise, whichever way earcut turned it.
-    triangles = _with_all_corners(np.sort(found, axis=1).tolist(), size)
+    triangles = _with_all_corners(bends[np.sort(found.reshape(-1, 3), axis=1)].tolist(), size)
     if triangles is None:  # an outline that crosses itself
         spans = np.arange(size - 2)
         return np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)
     return np.array(triangles, np.int64)
+
+
+def _bends(plane: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The corners of an outline (n, 2) of size about 1 that are neither on a straight line nor one with the next.
+
+    Earcut may cut wrongly where a corner is off its line by a rounding error.
+    """
+    kept = np.arange(len(plane))
+    while len(kept) > 2:
+        edges = np.roll(plane[kept], -1, axis=0) - plane[kept]
+        before = np.roll(edges, 1, axis=0)
+        lengths = np.linalg.norm(edges, axis=1)
+        turn = np.abs(before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0])
+        product, total = lengths * np.roll(lengths, 1), lengths + np.roll(lengths, 1)
+        straight = (turn <= _STRAIGHT * product + _ROUNDING * total) & ((before * edges).sum(axis=1) > 0)
+        dropped = straight | (lengths <= _ROUNDING)
+        if not dropped.any():
+            break
+        kept = kept[~dropped]
+    return kept
 
 
 def _with_all_corners(triangles: list[list[int]], size: int) -> list[list[int]] | None:
