@@ -172,7 +172,7 @@ class Mesh:
         if self.polygons is None:
             return corners, np.full(len(self.faces), 3)
         after = corners - corners % 3 + (corners + 1) % 3
-        twin = self._twins(after)
+        twin = self._twins(after, np.flatnonzero(self.polygons))
         beyond = np.where(twin < 0, corners, after[twin])  # the next edge around the vertex, where an edge is inner
         for _ in range(count.bit_length() + 1):
             if (twin[beyond] < 0).all():
@@ -200,10 +200,9 @@ class Mesh:
             current = following[current]
         return found, counts
 
-    def _twins(self, after: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The corner (3 m,) at the other side of the inner edge that starts at each corner; -1 for other edges."""
+    def _twins(self, after: NDArray[np.int64], marked: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The corner (3 m,) at the other side of each marked edge, by the corner that starts it; -1 for other edges."""
         twin = np.full(len(after), -1)
-        marked = np.flatnonzero(self.polygons)
         tail, head = self.faces.reshape(-1)[marked], self.faces.reshape(-1)[after[marked]]
         # The two sides of an inner edge are neighbours in this order: a polygon's triangles stand together.
         order = np.lexsort((marked, np.maximum(tail, head), np.minimum(tail, head)))

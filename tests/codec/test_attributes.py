@@ -88,4 +88,10 @@ def test_parts_have_the_values_of_their_elements(kept: np.ndarray) -> None:
 def test_what_else_is_told_stays_with_a_part() -> None:
     one = Attribute("l", Kind.LABEL, Domain.FACE, np.zeros((2, 1), np.uint8), None, True, 5, {"names": ("a",)})
     part = one.of_elements(np.array([1]))
-    assert (part.name, part.kind, part.normalized, part.bits, part.extra) == ("l", Kind.LABEL, True, 5, {"names": ("a",)})
+    assert (part.name, part.kind, part.normalized, part.bits, part.extra) == (
+        "l",
+        Kind.LABEL,
+        True,
+        5,
+        {"names": ("a",)},
+    )

@@ -113,16 +113,22 @@ def test_polygons_are_given_back_with_the_values_of_their_corners() -> None:
     mesh = mixed()
     assert [sorted(one) for one in mesh.polygons_as_lists()] == [[0, 1, 2, 3, 4, 5], [4, 5, 6], [3, 4, 7, 8]]
     rows = named(mesh, "corners").rows()
-    assert [sorted(rows[one].tolist()) for one in mesh.polygon_corners()] == [[0, 1, 2, 3, 4, 5], [6, 7, 8], [9, 10, 11, 12]]
+    assert [sorted(rows[one].tolist()) for one in mesh.polygon_corners()] == [
+        [0, 1, 2, 3, 4, 5],
+        [6, 7, 8],
+        [9, 10, 11, 12],
+    ]
     corners, counts = mesh.outlines()
     assert counts.tolist() == [6, 3, 4]
-    assert corners.tolist() == sum(mesh.polygon_corners(), [])
+    assert corners.tolist() == np.concatenate(mesh.polygon_corners()).tolist()
 
 
 def test_turned_round_all_goes_the_other_way() -> None:
     mesh = mixed()
     turned = mesh.reversed()
-    assert [rotated(one[::-1]) for one in turned.polygons_as_lists()] == [rotated(one) for one in mesh.polygons_as_lists()]
+    assert [rotated(one[::-1]) for one in turned.polygons_as_lists()] == [
+        rotated(one) for one in mesh.polygons_as_lists()
+    ]
     for one in mesh.attributes:
         other = named(turned, one.name)
         other.check(10, len(mesh.faces))

@@ -76,7 +76,12 @@ def test_attributes_read_back(attributes: list[Attribute], keyword: str) -> None
     assert found.faces.tolist() == mesh.faces.tolist()
     assert len(found.attributes) == len(attributes)
     for one, other in zip(mesh.attributes, found.attributes, strict=True):
-        assert (one.name, one.kind, one.domain, one.normalized) == (other.name, other.kind, other.domain, other.normalized)
+        assert (one.name, one.kind, one.domain, one.normalized) == (
+            other.name,
+            other.kind,
+            other.domain,
+            other.normalized,
+        )
         assert one.per_element().tolist() == other.per_element().tolist()
         assert ((one.rows() == NONE) == (other.rows() == NONE)).all()
 

@@ -122,6 +122,6 @@ def test_an_archive_is_bounded_before_it_is_opened(library: Any) -> None:
 
 def test_what_is_written_is_what_the_library_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     for given in (b"bytes", "text"):
-        monkeypatch.setattr(trimesh.Trimesh, "export", lambda _mesh, file_type, given=given: given)
+        monkeypatch.setattr(trimesh.Trimesh, "export", lambda _mesh, given=given, **_options: given)
         assert write_other(Scene.of(tetrahedron()), "dae") in {b"bytes", b"text"}
     assert set(other_formats._WRITTEN) <= set(other_formats._READ)

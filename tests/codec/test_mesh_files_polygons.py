@@ -13,7 +13,6 @@ from meshtide_codec.mesh_files import polygons
 from meshtide_codec.mesh_files.polygons import triangulated
 
 
-
 def cut(points: np.ndarray, *sizes: int) -> Mesh:
     """The mesh of polygons whose corners are the points, one after the other."""
     found = triangulated(points, np.array(sizes or [len(points)]), np.arange(len(points)))
@@ -77,9 +76,7 @@ def planes(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
 
 @given(simple_polygons(), planes(), st.sampled_from([1e-150, 1.0, 1e150]))
 @settings(max_examples=150)
-def test_a_simple_polygon_in_any_plane(
-    flat: np.ndarray, plane: tuple[np.ndarray, np.ndarray], size: float
-) -> None:
+def test_a_simple_polygon_in_any_plane(flat: np.ndarray, plane: tuple[np.ndarray, np.ndarray], size: float) -> None:
     axes, normal = plane
     points = flat @ axes * size
     mesh = cut(points)
@@ -159,7 +156,10 @@ def test_holes_of_keyholed_polygons_stay_open(hole: list[list[float]], area: flo
 def test_of_a_quadrilateral_the_shorter_inner_diagonal_is_taken() -> None:
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     assert cut(square).faces.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert cut(square * [1, 2, 1] + [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 0, 0]]).faces.tolist() == [[0, 1, 3], [1, 2, 3]]
+    assert cut(square * [1, 2, 1] + [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 0, 0]]).faces.tolist() == [
+        [0, 1, 3],
+        [1, 2, 3],
+    ]
     for reflex in range(4):
         dart = np.roll(np.array([[0.2, 0.2, 0], [2, -1, 0], [0, 0, 0], [-1, 2, 0]]) * [-1, -1, 1], reflex, axis=0)
         mesh = cut(dart[::-1])

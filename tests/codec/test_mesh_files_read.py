@@ -107,7 +107,9 @@ def test_a_vertex_that_is_not_finite_is_left_out_where_no_face_uses_it(tmp_path:
     assert found.notes == ("2 vertices are not finite and of no face: left out",)
     assert found.mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
     with pytest.raises(MeshError, match=r"a\.off: vertex 1 is not finite"):
-        load_mesh(written(tmp_path, "a.off", OFF.replace(b"9 9 9\n1 0 0", b"1 nan 0\n9 9 9").replace(b"0 2 3", b"0 1 3")))
+        load_mesh(
+            written(tmp_path, "a.off", OFF.replace(b"9 9 9\n1 0 0", b"1 nan 0\n9 9 9").replace(b"0 2 3", b"0 1 3"))
+        )
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,9 @@ TEXT = "solid a square\n" + "".join(map(facet, TRIANGLES)) + "endsolid a square\
         TEXT.replace("  endfacet\n", "").encode(),
         TEXT.replace("    outer loop\n", "").encode(),
         TEXT.replace("endsolid a square", "endsolid").encode(),
-        ("solid one\n" + facet(TRIANGLES[0]) + "endsolid one\nsolid two\n" + facet(TRIANGLES[1]) + "endsolid\n").encode(),
+        (
+            "solid one\n" + facet(TRIANGLES[0]) + "endsolid one\nsolid two\n" + facet(TRIANGLES[1]) + "endsolid\n"
+        ).encode(),
         ("solid one\nendsolid\n" + TEXT + "\n\nsolid three\nendsolid three").encode(),
     ],
 )
@@ -146,7 +148,10 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "the last vertex": (b"solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nvertex\nendsolid\n", "within its last vertex"),
     "many text facets": (b"solid\n" + facet(TRIANGLES[0]).encode() * 400 + b"endsolid\n", "claims 1200 vertices"),
     "facets over the limit": (binary(np.zeros((400, 3, 3))), "claims 1200 vertices; 1000 are the most"),
-    "four billion facets": (binary(count=2**32 - 1), "cut short: it declares 4294967295 facets, but its size is that of 2"),
+    "four billion facets": (
+        binary(count=2**32 - 1),
+        "cut short: it declares 4294967295 facets, but its size is that of 2",
+    ),
     "no facets, but bytes": (binary(count=0), "declares 0 facets, and 100 bytes follow"),
     "no facets at all": (binary(np.zeros((0, 3, 3))), "declares 0 facets, and 0 bytes follow"),
 }
@@ -211,7 +216,10 @@ def spellings(draw: st.DrawFn) -> tuple[list[Any], bytes]:
         if place == 0 or draw(st.booleans()):
             text += ("endsolid\n" if place else "") + f"solid{name}\n"
         words = ["facet normal 0 nan -1e5", "outer loop"]
-        words += ["vertex " + " ".join(draw(st.sampled_from([repr(x), f"{x:.17e}", f"{x:g}"])) for x in one) for one in triangle]
+        words += [
+            "vertex " + " ".join(draw(st.sampled_from([repr(x), f"{x:.17e}", f"{x:g}"])) for x in one)
+            for one in triangle
+        ]
         words += ["endloop"] * draw(st.booleans()) + ["endfacet"] * draw(st.booleans())
         text += "".join(word + draw(blanks) for word in " ".join(words).split()).rstrip() + "\n"
     text += f"endsolid{name}\n"
@@ -235,7 +243,9 @@ def test_any_legal_text_reads_back_to_the_same_mesh(spelling: tuple[list[Any], b
     assert mesh.faces.tolist() == faces
 
 
-@given(st.lists(st.tuples(corner, corner, corner), min_size=1, max_size=8), st.binary(max_size=60), st.binary(max_size=80))
+@given(
+    st.lists(st.tuples(corner, corner, corner), min_size=1, max_size=8), st.binary(max_size=60), st.binary(max_size=80)
+)
 @settings(max_examples=100)
 def test_any_binary_file_reads_back_to_the_same_mesh(triangles: list[Any], behind: bytes, head: bytes) -> None:
     mesh, notes = read(binary(np.array(triangles), head=head) + behind)

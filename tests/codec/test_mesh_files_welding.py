@@ -12,7 +12,9 @@ from meshtide_codec.mesh_files import welding
 from meshtide_codec.mesh_files.welding import welded
 
 points = st.sampled_from([np.float32, np.float64]).flatmap(
-    lambda kind: arrays.arrays(kind, st.tuples(st.integers(0, 30), st.just(3)), elements=st.sampled_from([0.0, -0.0, 1.0, 0.5]))
+    lambda kind: arrays.arrays(
+        kind, st.tuples(st.integers(0, 30), st.just(3)), elements=st.sampled_from([0.0, -0.0, 1.0, 0.5])
+    )
 )
 
 

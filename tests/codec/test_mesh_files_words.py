@@ -19,7 +19,7 @@ def test_words_are_those_of_split(text: str, offset: int) -> None:
     words = Words(text.encode(), offset)
     rest = text[offset:]
     assert words.count == len(rest.split())
-    assert [text[start:].split()[0] for start in words.starts.tolist()] == rest.split()
+    assert [text[start:].split(maxsplit=1)[0] for start in words.starts.tolist()] == rest.split()
     filled = [line.split() for line in rest.split("\n") if line.split()]
     assert words.first.tolist() == np.cumsum([0, *map(len, filled)]).tolist()[: len(filled)]
     for place, start in enumerate(words.starts.tolist()):

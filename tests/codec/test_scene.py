@@ -70,7 +70,9 @@ def test_a_long_chain_of_nodes_is_walked_without_recursion() -> None:
 def test_faces_stay_outward_and_normals_upright_under_any_matrix(scale: list[float], seed: int) -> None:
     random = np.random.default_rng(seed)
     matrix = np.eye(4)
-    matrix[:3, :3] = np.linalg.qr(random.normal(size=(3, 3)))[0] @ np.diag(scale) @ np.linalg.qr(random.normal(size=(3, 3)))[0]
+    matrix[:3, :3] = (
+        np.linalg.qr(random.normal(size=(3, 3)))[0] @ np.diag(scale) @ np.linalg.qr(random.normal(size=(3, 3)))[0]
+    )
     matrix[:3, 3] = random.normal(size=3)
     mesh = tetrahedron()
     corners = mesh.vertices[mesh.faces]
@@ -126,7 +128,9 @@ def test_two_attributes_of_one_name_in_one_mesh_stay_two() -> None:
 
 def test_materials_and_polygons_of_some_are_kept() -> None:
     inner = np.array([[False, False, True], [True, False, False]])
-    square = Mesh.checked([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]], (), np.array([3, 3]), inner)
+    square = Mesh.checked(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]], (), np.array([3, 3]), inner
+    )
     mesh = joined([tetrahedron(), square, square])
     assert mesh.materials is not None
     assert mesh.materials.tolist() == [NONE] * 4 + [3] * 4

@@ -87,7 +87,9 @@ def check_corners(
     bad = np.flatnonzero((corners < 0) | (corners >= vertices))
     if len(bad):
         face = int(np.searchsorted(np.cumsum(counts), bad[0], side="right"))
-        raise MeshFileError(f"{place(face)}face {face} names vertex {corners[bad[0]]}; the file has {vertices}, counted from 0")
+        raise MeshFileError(
+            f"{place(face)}face {face} names vertex {corners[bad[0]]}; the file has {vertices}, counted from 0"
+        )
 
 
 def pieces(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ How the rows are found:
    or four values stands on it, announced by the keyword or not (many programs write colours into plain OFF files).
    Otherwise the vertices are words, as many as the keyword tells; an announced colour has four of them, or three
    where the faces make no sense after four.
-2. *Faces.* A colour ends with its line: what follows the last corner on the corner's line is the face's colour, if all
+2. *Faces.* Where they begin with a line, a colour ends with its line: what follows the last corner on the corner's line is the face's colour, if all
    faces are complete then and each has 0, 1, 3 or 4 such words. Otherwise nothing is a colour and each face
    follows the last corner of the one before it, wherever lines end, to the last word. If that fails too and each
    face has a line, what follows its corners is left out, which is told.
@@ -31,7 +31,7 @@ from meshtide_codec.mesh_files.off_rows import OffRows, check_corners, check_tri
 from meshtide_codec.mesh_files.words import Words
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from meshtide_codec.limits import FileLimits
     from meshtide_codec.mesh_files.off_rows import OffKeyword
@@ -78,7 +78,21 @@ def read_text_rows(text: bytes, offset: int, keyword: OffKeyword, limits: FileLi
                 note = "its last line has no end: if the file was cut off there, its last row may be wrong"
                 return replace(rows, notes=(*rows.notes, note))
             return rows
+    _refuse_short_rows(words, vertices, faces, keyword)
     raise first_error or MeshFileError("the OFF file ends behind its counts")
+
+
+def _refuse_short_rows(words: Words, vertices: int, faces: int, keyword: OffKeyword) -> None:
+    """Name the first vertex that has too few values, in a file that cannot be read and has a line for each row.
+
+    Raises:
+        MeshFileError: there is one.
+    """
+    lines = words.first[-(vertices + faces) :]
+    short = np.flatnonzero(np.diff(lines, append=words.count)[:vertices] < keyword.width)
+    if len(words.first) - len(lines) <= 1 and len(lines) == vertices + faces and len(short):
+        line = words.line(int(lines[short[0]]))
+        raise MeshFileError(f"line {line}: vertex {short[0]} of the OFF file has fewer than {keyword.width} numbers")
 
 
 def check_dimension(dimension: int) -> None:
@@ -168,7 +182,10 @@ def _faces(
         return f"line {words.line(start + int(begins[face]))}: "
 
     error: MeshFileError | None = None
-    for way in (_by_lines, _by_line_ends, _by_words, _by_longer_lines):
+    ways: tuple[Callable[[_Values, NDArray[np.int64], int], _Layout], ...] = (_by_words,)
+    if start in words.first or faces == 0:
+        ways = (_by_lines, _by_line_ends, _by_words, _by_longer_lines)
+    for way in ways:
         try:
             begins, counts, color_counts = way(values, lines, faces)
             check_triangles(counts, limits)
@@ -218,9 +235,9 @@ def _by_longer_lines(values: _Values, lines: NDArray[np.int64], faces: int) -> _
     begins, ends = lines[:faces], np.append(lines, len(values))[1 : faces + 1]
     counts = _whole(values[begins])
     rest = ends - begins - 1 - counts
-    short = np.flatnonzero((rest < 0) | (counts < 0))
+    short = np.flatnonzero((rest < 0) | (counts < 1))
     if len(short) and len(lines) == faces:
-        raise MeshFileError(f"face {short[0]} of the OFF file has fewer corners than it tells")
+        raise MeshFileError(f"face {short[0]} of the OFF file has fewer corners than it tells, or none")
     if len(short):
         raise _OtherwiseError
     return begins, counts, rest
@@ -265,7 +282,7 @@ def _by_words(values: _Values, _lines: NDArray[np.int64], faces: int) -> _Layout
 
 def _count(values: _Values, place: int) -> int | None:
     """The number of corners that stands there, if it is one and as many values follow."""
-    if place >= len(values) or not 0 <= values[place] < len(values) - place or values[place] % 1:
+    if place >= len(values) or not 1 <= values[place] < len(values) - place or values[place] % 1:
         return None
     return int(values[place])
 

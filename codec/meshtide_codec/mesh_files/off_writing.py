@@ -5,6 +5,7 @@ The keyword announces what the vertices have. Floats are written so that they re
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from meshtide_codec.mesh_files.left_out import not_kept
 from meshtide_codec.mesh_files.off_rows import COLOR_INDEX
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -77,7 +78,7 @@ def _in_range(color: Attribute) -> bool:
 
 
 def _numbers(attribute: Attribute) -> NDArray[Any]:
-    """The values (elements, c) as they are written: bytes for colours of bytes, unless all would be taken for floats."""
+    """The values (elements, c) as they are written: bytes as bytes, unless all are 0 or 1 and look like floats."""
     values = attribute.per_element()
     if attribute.kind is Kind.LABEL:
         return values
@@ -89,20 +90,19 @@ def _numbers(attribute: Attribute) -> NDArray[Any]:
     return np.maximum(values / np.iinfo(values.dtype).max, -1.0)
 
 
-def _face_rows(mesh: Mesh, color: Attribute | None) -> Iterable[str]:
+def _face_rows(mesh: Mesh, color: Attribute | None) -> Iterator[str]:
     """A line for each polygon."""
-    if color is None and mesh.polygons is None:
-        return ["3 %d %d %d\n" % tuple(face) for face in mesh.faces.tolist()]
-    corners = mesh.faces.reshape(-1)
-    outlines = mesh.polygon_corners()
-    behind = [""] * len(mesh.faces)
-    if color is not None:
-        valued = (color.rows() != NONE).tolist()
-        numbers = _numbers(color).tolist()
-        behind = [
-            "".join(f" {number!r}" for number in row) if has else "" for row, has in zip(numbers, valued, strict=True)
-        ]
-    return [
-        f"{len(outline)} {' '.join(map(str, corners[outline].tolist()))}{behind[outline[0] // 3]}\n"
-        for outline in outlines
-    ]
+    corners, counts = mesh.outlines()
+    names = mesh.faces.reshape(-1)[corners].tolist()
+    ends = np.cumsum(counts)
+    first_faces = corners[ends - counts] // 3
+    behind = repeat("") if color is None else _colors(color, first_faces)
+    for end, count, last in zip(ends.tolist(), counts.tolist(), behind, strict=False):
+        yield f"{count} {' '.join(map(str, names[end - count : end]))}{last}\n"
+
+
+def _colors(color: Attribute, faces: NDArray[np.int64]) -> list[str]:
+    """What stands behind the corners of polygons with these faces."""
+    valued = (color.rows()[faces] != NONE).tolist()
+    numbers = _numbers(color)[faces].tolist()
+    return ["".join(f" {x!r}" for x in row) if has else "" for row, has in zip(numbers, valued, strict=True)]

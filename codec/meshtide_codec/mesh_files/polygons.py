@@ -3,8 +3,9 @@
 Triangles pass as they are. Of a quadrilateral the shorter diagonal is taken, of those that lie inside. Other polygons
 become a fan around their first corner where they are convex, seen along their mean normal (Newell's, so bent ones have
 one too). The rest, concave polygons and those with holes that a slit joins to the outline, are cut by ears (mapbox
-earcut) in the plane of that normal. Corners on straight lines are left out before and put back after it, as the corner
-of the next polygon may stand there. Polygons of no area are fans. Cost: linear in the corners, but for concave polygons.
+earcut) in the plane of that normal. Corners on straight lines are left out before that and put back after it, as the
+corner of the next polygon may stand there. Polygons of no area are fans. Cost: linear in the corners, but for concave
+polygons.
 """
 
 from __future__ import annotations

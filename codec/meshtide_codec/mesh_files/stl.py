@@ -60,7 +60,9 @@ def read_stl(source: Source, limits: FileLimits) -> Scene:
             raise MeshFileError("the file is no STL: it begins without 'solid' and is too short for a binary one")
         if len(data) < size:
             held = (len(data) - _FACETS) // _FACET.itemsize
-            raise MeshFileError(f"the STL file is cut short: it declares {facets} facets, but its size is that of {held}")
+            raise MeshFileError(
+                f"the STL file is cut short: it declares {facets} facets, but its size is that of {held}"
+            )
         if facets == 0:
             raise MeshFileError(f"the STL file declares 0 facets, and {len(data) - _FACETS} bytes follow")
         source.note(f"{len(data) - size} bytes follow the last facet: left out")

@@ -1,9 +1,9 @@
 """STL in text form: the three numbers behind each word "vertex", of any number of solids.
 
-Words may be of any case and stand on lines as they like. A facet has three vertices; "outer loop", "endloop", "endfacet"
-and normals (which may be nan) are passed over, so that files without them are read. The last solid must be ended by
-"endsolid": without it the file is taken for cut short. The rest of a line that begins with "solid" or "endsolid" is a
-name, unless a facet follows on it. Other words are told. All is found by comparing bytes as arrays.
+Words may be of any case and stand on lines as they like. A facet has three vertices; "outer loop", "endloop",
+"endfacet" and normals (which may be nan) are passed over, so that files without them are read. The last solid must be
+ended by "endsolid": without it the file is taken for cut short. The rest of a line that begins with "solid" or
+"endsolid" is a name, unless a facet follows on it. Other words are told. All is found by comparing bytes as arrays.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _without_names(text: bytes) -> tuple[bytes, bool]:
 
 def _are(raw: NDArray[np.uint8], starts: NDArray[np.int64], word: bytes) -> NDArray[np.bool_]:
     """Which of the words that start there are this one."""
-    same = raw[starts] == word[0]
+    same: NDArray[np.bool_] = raw[starts] == word[0]
     candidates = starts[same]
     fitting = candidates + len(word) <= len(raw)
     for place, byte in enumerate(word[1:], start=1):
@@ -123,5 +123,8 @@ def _numbers(raw: NDArray[np.uint8], starts: NDArray[np.int64], places: NDArray[
     if values is None:
         vertex = Words(text).first_bad(0, 3 * len(places)) // 3
         line = int((raw[: starts[places[vertex]]] == ord("\n")).sum()) + 1
-        raise MeshFileError(f"line {line}: vertex {vertex % 3} of facet {vertex // 3} of the STL file has not three numbers")
-    return values.reshape(-1, 3)
+        raise MeshFileError(
+            f"line {line}: vertex {vertex % 3} of facet {vertex // 3} of the STL file has not three numbers"
+        )
+    corners: NDArray[np.float64] = values.reshape(-1, 3)
+    return corners

@@ -29,8 +29,10 @@ def welded(points: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[
         return points, np.zeros(0, np.int64)
     positive = np.ascontiguousarray(points) + points.dtype.type(0)  # -0.0 becomes 0.0
     bits = positive.view(np.uint32 if positive.dtype.itemsize == 4 else np.uint64)
-    keys = _hashed(bits)
-    order = np.argsort(keys)
+    hashes = _hashed(bits)
+    order = np.argsort(hashes)
+    keys: NDArray[np.uint64] | None = hashes
+    del hashes
     if not _is_new(bits, order, keys)[1]:  # different points have one hash: sort by the bits themselves
         order = np.lexsort(bits.T)
         keys = None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class Words:
         begins = raw > _BLANK
         begins[1:] &= raw[:-1] <= _BLANK
         kind = np.int32 if len(text) < _INT32 else np.int64
-        self.starts = np.flatnonzero(begins).astype(kind)
+        self.starts: NDArray[np.signedinteger] = np.flatnonzero(begins).astype(kind)
         """(count,) where each word starts, in bytes of `text`."""
         del begins
         breaks = np.flatnonzero(raw == ord("\n")).astype(kind)
@@ -84,7 +84,7 @@ class Words:
                 start = middle
         return start
 
-    def refuse(self, word: int) -> None:
+    def refuse(self, word: int) -> NoReturn:
         """Say that a word is no number.
 
         Raises:
@@ -103,7 +103,7 @@ class Words:
         return self.text[first : int(self.starts[stop]) if stop < self.count else None]
 
 
-def parsed_numbers(text: bytes, count: int, kind: np.dtype[np.generic]) -> NDArray[np.generic] | None:
+def parsed_numbers(text: bytes, count: int, kind: np.dtype[Any]) -> NDArray[Any] | None:
     """The numbers that a text is made of; None unless they are `count`, and nothing else is there.
 
     >>> parsed_numbers(b"1 2e3", 2, np.dtype(float)), parsed_numbers(b"1-2", 1, np.dtype(float)) is None
