@@ -11,6 +11,7 @@ import io
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,9 +35,9 @@ def main() -> None:
     print(f"{'file':24}{'MB':>8}{'faces':>9}{'ours s':>9}{'trimesh s':>11}{'welded s':>10}{'memory x':>10}")
     for name, data in [*((path.name, path.read_bytes()) for path in arguments.files), *made(arguments.vertices)]:
         kind = format_suffix(name)
-        ours = seconds(lambda: read(name, data))
-        theirs = seconds(lambda: foreign(kind, data, weld=False))
-        welded = f"{seconds(lambda: foreign(kind, data, weld=True)):.3f}" if kind == ".stl" else ""
+        ours = seconds(partial(read, name, data))
+        theirs = seconds(partial(foreign, kind, data, weld=False))
+        welded = f"{seconds(partial(foreign, kind, data, weld=True)):.3f}" if kind == ".stl" else ""
         tracemalloc.start()
         mesh = read(name, data)
         peak = tracemalloc.get_traced_memory()[1] / len(data)

@@ -283,6 +283,20 @@ def test_a_point_at_infinity_is_refused_where_a_face_uses_it() -> None:
         mesh_of(read_source(Source("a.off", ".off", data % 0), LIMITS))
 
 
+@given(st.integers(3, 6), st.data())
+@settings(max_examples=60)
+def test_a_coordinate_that_is_missing_is_never_made_up_for_by_the_next_row(side: int, data: st.DataObject) -> None:
+    count = side * side
+    rows = [[str(number) for number in (x, y, x * y)] for x in range(side) for y in range(side)]
+    corners = [x * side + y for x in range(side - 1) for y in range(side - 1)]
+    faces = [f"4 {c} {c + side} {c + side + 1} {c + 1}" for c in corners]
+    row = data.draw(st.integers(0, count - 1))
+    del rows[row][data.draw(st.integers(0, 2))]
+    text = "\n".join([f"OFF\n{count} {len(faces)} 0", *map(" ".join, rows), *faces, ""])
+    with pytest.raises(MeshFileError, match=f"line {row + 3}: vertex {row} of the OFF file has fewer than 3 numbers"):
+        read(text.encode())
+
+
 WHOLE = [
     b"OFF 4 2 0\n" + ROWS,
     b"COFF\n3 1 3\n" + b"0.5 1 -2 255 128 0\n" * 3 + b"3 0 1 2 0.5 0.25 1 1\n",

@@ -100,6 +100,9 @@ def test_polygons_of_many_sizes_keep_their_order(flats: list[np.ndarray]) -> Non
     starts = np.cumsum([0, *sizes])
     assert found.degenerate == 0
     assert found.polygon.tolist() == np.repeat(np.arange(len(sizes)), np.array(sizes) - 2).tolist()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(polygons, "_CORNERS_AT_ONCE", 8)
+        assert np.array_equal(found.corners, triangulated(points, np.array(sizes), np.arange(len(points))).corners)
     mesh = Mesh.checked(points, found.corners, polygons=found.inner)
     expected = [list(range(start, start + size)) for start, size in zip(starts, sizes, strict=False)]
     assert [rotated(one) for one in mesh.polygons_as_lists()] == expected

@@ -6,10 +6,10 @@ How the rows are found:
    or four values stands on it, announced by the keyword or not (many programs write colours into plain OFF files).
    Otherwise the vertices are words, as many as the keyword tells; an announced colour has four of them, or three
    where the faces make no sense after four.
-2. *Faces.* Where they begin with a line, a colour ends with its line: what follows the last corner on the corner's line is the face's colour, if all
-   faces are complete then and each has 0, 1, 3 or 4 such words. Otherwise nothing is a colour and each face
-   follows the last corner of the one before it, wherever lines end, to the last word. If that fails too and each
-   face has a line, what follows its corners is left out, which is told.
+2. *Faces.* Where they begin with a line, a colour ends with its line: what follows the last corner on the corner's
+   line is the face's colour, if all faces are complete then and each has 0, 1, 3 or 4 such words. Otherwise nothing
+   is a colour and each face follows the last corner of the one before it, wherever lines end, to the last word. If
+   that fails too and each face has a line, what follows its corners is left out, which is told.
 3. The number of edges, which has no use, may be missing where the counts stand on a line of their own.
 
 The first way that gives as many faces as declared, with all corners in range, is taken; if none does, the error is

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _QUAD = 4
-_FIRST_DIAGONAL = [[0, 1, 2], [0, 2, 3]]
-_SECOND_DIAGONAL = [[0, 1, 3], [1, 2, 3]]
+_DIAGONALS = np.array([[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]])
+_CORNERS_AT_ONCE = 1 << 16
+"""Cutting takes some 200 bytes a corner, but only for so many at once."""
 _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
 
@@ -76,13 +77,18 @@ def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corne
         few = _few_vertices(corners[places])
         degenerate += int(few.sum())
         chosen, places = chosen[~few], places[~few]
-        parts += _cut(vertices[corners[places]], chosen, places)
+        step = max(1, _CORNERS_AT_ONCE // size)
+        for begin in range(0, len(chosen), step):
+            some = places[begin : begin + step]
+            parts += _cut(vertices[corners[some]], chosen[begin : begin + step], some)
     if not parts:
         return Triangulation(np.zeros((0, 3), np.int64), np.zeros(0, np.int64), None, degenerate)
     polygon = np.concatenate([one for one, _ in parts])
     triangles = np.concatenate([one for _, one in parts])
-    order = np.argsort(polygon, kind="stable")
-    polygon, triangles = polygon[order], triangles[order]
+    del parts
+    if (polygon[1:] < polygon[:-1]).any():
+        order = np.argsort(polygon, kind="stable")
+        polygon, triangles = polygon[order], triangles[order]
     return Triangulation(triangles, polygon, _inner(triangles, polygon, counts, starts), degenerate)
 
 
@@ -118,8 +124,8 @@ def _cut(
             lengths = [((points[:, i] - points[:, i + 2]) ** 2).sum(axis=1) for i in (0, 1)]
             shorter = lengths[1] < lengths[0]
         other = (second & ~first) | (second & shorter)
-        for mask, corners in ((~other, _FIRST_DIAGONAL), (other, _SECOND_DIAGONAL)):
-            yield np.repeat(chosen[mask], 2), places[mask][:, corners].reshape(-1, 3)
+        corners = _DIAGONALS[other.astype(np.intp)].reshape(-1, 6)
+        yield np.repeat(chosen, 2), np.take_along_axis(places, corners, axis=1).reshape(-1, 3)
         return
     # A fan around a corner has no flat triangle if its two neighbours are no corners on straight lines.
     apexes = np.roll(left, 1, axis=1) & np.roll(left, -1, axis=1)
@@ -220,7 +226,9 @@ def _inner(
     triangles: NDArray[np.int64], polygon: NDArray[np.int64], counts: NDArray[np.int64], starts: NDArray[np.int64]
 ) -> NDArray[np.bool_] | None:
     """Which edges (m, 3) do not lead from a corner of the outline to the next one."""
-    start, count = starts[polygon][:, None], counts[polygon][:, None]
-    following = start + (triangles - start + 1) % count
-    inner: NDArray[np.bool_] = following != np.roll(triangles, -1, axis=1)
+    inner = np.zeros(triangles.shape, np.bool_)
+    start, count = starts[polygon], counts[polygon]
+    for place in range(3):
+        following = (triangles[:, place] - start + 1) % count + start
+        inner[:, place] = following != triangles[:, (place + 1) % 3]
     return inner if inner.any() else None
