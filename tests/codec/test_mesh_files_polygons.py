@@ -75,7 +75,7 @@ def planes(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
 
 
 @given(simple_polygons(), planes(), st.sampled_from([1e-150, 1.0, 1e150]))
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_a_simple_polygon_in_any_plane(flat: np.ndarray, plane: tuple[np.ndarray, np.ndarray], size: float) -> None:
     axes, normal = plane
     points = flat @ axes * size
@@ -112,7 +112,7 @@ def test_polygons_of_many_sizes_keep_their_order(flats: list[np.ndarray]) -> Non
 
 
 @given(simple_polygons(), st.integers(0, 2**32 - 1))
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_bent_polygons_become_as_many_triangles(flat: np.ndarray, seed: int) -> None:
     heights = np.random.default_rng(seed).normal(0, 0.3, len(flat))
     points = np.column_stack([flat, heights])
@@ -187,7 +187,7 @@ def test_polygons_of_fewer_than_three_vertices_are_counted() -> None:
 
 
 @given(arrays.arrays(float, st.tuples(st.integers(3, 12), st.just(3)), elements=st.floats(width=64)))
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_no_polygon_raises_or_warns(points: np.ndarray) -> None:
     found = triangulated(points, np.array([len(points)]), np.arange(len(points)))
     assert found.corners.shape == (len(points) - 2, 3)
@@ -195,7 +195,7 @@ def test_no_polygon_raises_or_warns(points: np.ndarray) -> None:
 
 
 @given(arrays.arrays(np.int8, st.tuples(st.integers(3, 12), st.just(3)), elements=st.integers(0, 2)))
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_polygons_that_cross_or_touch_themselves_are_cut_somehow(corners: np.ndarray) -> None:
     points = corners.astype(float)
     found = triangulated(points, np.array([len(points)]), np.arange(len(points)))
@@ -205,12 +205,12 @@ def test_polygons_that_cross_or_touch_themselves_are_cut_somehow(corners: np.nda
 
 
 def test_convex_polygons_are_not_cut_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = []
+    cut_by_ears = []
     original = polygons._ears
-    monkeypatch.setattr(polygons, "_ears", lambda *arguments: calls.append(1) or original(*arguments))
+    monkeypatch.setattr(polygons, "_ears", lambda planes: cut_by_ears.append(len(planes)) or original(planes))
     angles = np.arange(8) * np.pi / 4
     octagon = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
     dented = octagon * np.where(np.arange(8) == 3, 0.2, 1.0)[:, None]
     found = triangulated(np.concatenate([octagon] * 50 + [dented] * 3), np.full(53, 8), np.arange(53 * 8))
     assert len(found.corners) == 53 * 6
-    assert len(calls) == 3
+    assert cut_by_ears == [3]

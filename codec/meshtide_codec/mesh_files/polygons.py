@@ -30,6 +30,8 @@ _STRAIGHT = 1e-12
 
 _ROUNDING = 1e-15
 """Errors of coordinates near 1 after a rotation."""
+_PASSES = 64
+"""Corners that are left out may straighten others, seldom more than once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,9 +139,11 @@ def _cut(
     spans = np.arange(size - 2)
     fan = np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)
     yield np.repeat(chosen[fans], size - 2), turned[:, fan].reshape(-1, 3)
-    for index in np.flatnonzero(~fans).tolist():
-        ears = _ears(points[index], normal[index])
-        yield np.full(len(ears), chosen[index]), places[index][ears]
+    rest = np.flatnonzero(~fans)
+    if len(rest):
+        ears = _ears(_planes(points[rest], normal[rest]))
+        cut = np.take_along_axis(places[rest], ears.reshape(len(rest), -1), axis=1)
+        yield np.repeat(chosen[rest], size - 2), cut.reshape(-1, 3)
 
 
 def _near_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -155,45 +159,64 @@ def _near_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return near
 
 
-def _ears(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Triangles (n - 2, 3) of one polygon (n, 3) in the plane across its normal; corners rise along the outline."""
+def _planes(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Polygons (k, n, 3) seen along their normals (k, 3): (k, n, 2)."""
+    unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    axis = np.zeros_like(unit)
+    axis[np.arange(len(unit)), np.argmin(np.abs(unit), axis=1)] = 1.0
+    across = np.cross(unit, axis)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    planes: NDArray[np.float64] = points @ np.stack([across, np.cross(unit, across)], axis=2)
+    return planes
+
+
+def _ears(planes: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Triangles (k, n - 2, 3) of polygons (k, n, 2); corners rise along the outline, whichever way earcut turned it."""
     from mapbox_earcut import triangulate_float64  # noqa: PLC0415 - few files have concave polygons
 
-    size = len(points)
-    axis = np.zeros(3)
-    axis[np.argmin(np.abs(normal))] = 1.0
-    across = np.cross(normal, axis)
-    across /= np.linalg.norm(across)
-    upward = np.cross(normal / np.linalg.norm(normal), across)
-    plane = points @ np.stack([across, upward], axis=1)
-    bends = _bends(plane)
-    found = triangulate_float64(np.ascontiguousarray(plane[bends]), np.array([len(bends)], np.uint32))
-    # Along the outline the corners of every triangle rise, whichever way earcut turned it.
-    triangles = _with_all_corners(bends[np.sort(found.reshape(-1, 3), axis=1)].tolist(), size)
-    if triangles is None:  # an outline that crosses itself
-        spans = np.arange(size - 2)
-        return np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)
-    return np.array(triangles, np.int64)
+    size = planes.shape[1]
+    ears = np.zeros((len(planes), size - 2, 3), np.int64)
+    bent = (~_straight(planes)).all(axis=1).tolist()
+    whole = np.array([size], np.uint32)
+    for place, plane in enumerate(planes):
+        if bent[place]:
+            found = triangulate_float64(plane, whole)
+            if len(found) == 3 * (size - 2) and len(set(found.tolist())) == size:
+                ears[place] = found.reshape(-1, 3)
+                continue
+        bends = _bends(plane)
+        found = triangulate_float64(plane[bends], np.array([len(bends)], np.uint32)).reshape(-1, 3)
+        triangles = _with_all_corners(bends[np.sort(found, axis=1)].tolist(), size)
+        # An outline that crosses itself becomes a fan.
+        ears[place] = [(0, i + 1, i + 2) for i in range(size - 2)] if triangles is None else triangles
+    ears.sort(axis=2)
+    return ears
 
 
 def _bends(plane: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The corners of an outline (n, 2) of size about 1 that are neither on a straight line nor one with the next.
+    """The corners of an outline (n, 2) that are neither on a straight line nor in one place with the next.
 
     Earcut may cut wrongly where a corner is off its line by a rounding error.
     """
     kept = np.arange(len(plane))
-    while len(kept) > 2:
-        edges = np.roll(plane[kept], -1, axis=0) - plane[kept]
-        before = np.roll(edges, 1, axis=0)
-        lengths = np.linalg.norm(edges, axis=1)
-        turn = np.abs(before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0])
-        product, total = lengths * np.roll(lengths, 1), lengths + np.roll(lengths, 1)
-        straight = (turn <= _STRAIGHT * product + _ROUNDING * total) & ((before * edges).sum(axis=1) > 0)
-        dropped = straight | (lengths <= _ROUNDING)
+    for _ in range(_PASSES):
+        dropped = _straight(plane[None, kept])[0] if len(kept) > 2 else np.zeros(0, bool)
         if not dropped.any():
             break
         kept = kept[~dropped]
     return kept
+
+
+def _straight(planes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which corners of outlines (k, n, 2) of sizes near 1 go straight on, or are in one place with the next one."""
+    edges = np.roll(planes, -1, axis=1) - planes
+    before = np.roll(edges, 1, axis=1)
+    lengths = np.linalg.norm(edges, axis=2)
+    turn = np.abs(before[..., 0] * edges[..., 1] - before[..., 1] * edges[..., 0])
+    product, total = lengths * np.roll(lengths, 1, axis=1), lengths + np.roll(lengths, 1, axis=1)
+    onward = (turn <= _STRAIGHT * product + _ROUNDING * total) & ((before * edges).sum(axis=2) > 0)
+    straight: NDArray[np.bool_] = onward | (lengths <= _ROUNDING)
+    return straight
 
 
 def _with_all_corners(triangles: list[list[int]], size: int) -> list[list[int]] | None:
