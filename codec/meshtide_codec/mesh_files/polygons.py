@@ -176,10 +176,10 @@ def _ears(planes: NDArray[np.float64]) -> NDArray[np.int64]:
 
     size = planes.shape[1]
     ears = np.zeros((len(planes), size - 2, 3), np.int64)
-    bent = (~_straight(planes)).all(axis=1).tolist()
+    straight = _straight(planes).sum(axis=1)
     whole = np.array([size], np.uint32)
     for place, plane in enumerate(planes):
-        if bent[place]:
+        if straight[place] == 0:
             found = triangulate_float64(plane, whole)
             if len(found) == 3 * (size - 2) and len(set(found.tolist())) == size:
                 ears[place] = found.reshape(-1, 3)
