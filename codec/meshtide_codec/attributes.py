@@ -87,6 +87,8 @@ class Attribute:
             return
         if self.indices.shape != shape:
             raise MeshError(f"attribute {self.name!r}: indices must have shape {shape}, not {self.indices.shape}")
+        if self.indices.dtype.kind not in "iu":
+            raise MeshError(f"attribute {self.name!r}: indices must be integers, not {self.indices.dtype}")
         if self.indices.size and (self.indices.min() < NONE or self.indices.max() >= len(self.values)):
             raise MeshError(f"attribute {self.name!r}: an index is outside of its {len(self.values)} values")
 

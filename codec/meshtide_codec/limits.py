@@ -75,7 +75,7 @@ class FileLimits:
     >>> FileLimits(vertices=100, faces=200).check_counts(50, 300)
     Traceback (most recent call last):
     ...
-    meshtide_codec.errors.MeshFileError: the file has 300 faces; 200 are the most that is read (FileLimits.faces)
+    meshtide_codec.errors.MeshFileError: the file claims 300 faces; 200 are the most that is read (FileLimits.faces)
     """
 
     vertices: int = 1 << 26
@@ -104,4 +104,4 @@ class FileLimits:
             what = name if name in {"vertices", "faces"} else "bytes"
             setting = {"file_bytes": "upload"}.get(name, name).upper()
             remedy = self.remedy.format(name=name, setting=setting)
-            raise MeshFileError(f"the file has {claimed} {what}; {most} are the most that is read ({remedy})")
+            raise MeshFileError(f"the file claims {claimed} {what}; {most} are the most that is read ({remedy})")

@@ -143,6 +143,9 @@ class Mesh:
 
         A polygon begins at the first corner of its first triangle that is no inner edge's start. Cost: O(m log m).
 
+        Raises:
+            MeshError: all edges around a vertex are marked.
+
         >>> square = Mesh.checked(
         ...     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
         ...     [[0, 1, 2], [0, 2, 3]],
@@ -151,57 +154,63 @@ class Mesh:
         >>> square.polygons_as_lists()
         [[0, 1, 2, 3]]
         """
-        if self.polygons is None:
-            lists: list[list[int]] = self.faces.tolist()
-            return lists
-        return [self.faces.reshape(-1)[outline].tolist() for outline in self.polygon_corners()]
+        corners, counts = self.outlines()
+        return _split(self.faces.reshape(-1)[corners].tolist(), counts.tolist())
 
     def polygon_corners(self) -> list[list[int]]:
         """The same as corners, 3 face + place, to look values of corners up by."""
-        following, first = self._outlines()
-        outlines = []
-        for start in first:
-            outline = [start]
-            while (corner := following[outline[-1]]) != start:
-                outline.append(corner)
-            outlines.append(outline)
-        return outlines
+        corners, counts = self.outlines()
+        return _split(corners.tolist(), counts.tolist())
 
-    def _outlines(self) -> tuple[list[int], list[int]]:
-        """The corner after each corner on its polygon's outline, and of each polygon the first corner."""
+    def outlines(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The same as arrays: the corners of all polygons (k,), one after the other, and of each how many it has (p,).
+
+        Found by doubling steps: around a vertex over the inner edges, and around each outline to its least corner.
+        """
         count = 3 * len(self.faces)
         corners = np.arange(count)
+        if self.polygons is None:
+            return corners, np.full(len(self.faces), 3)
         after = corners - corners % 3 + (corners + 1) % 3
-        inner = np.zeros(count, bool) if self.polygons is None else self.polygons.reshape(-1)
-        marked = np.flatnonzero(inner)
+        twin = self._twins(after, np.flatnonzero(self.polygons))
+        beyond = np.where(twin < 0, corners, after[twin])  # the next edge around the vertex, where an edge is inner
+        for _ in range(count.bit_length() + 1):
+            if (twin[beyond] < 0).all():
+                break
+            beyond = beyond[beyond]
+        else:
+            raise MeshError("polygons marks all edges around a vertex; a polygon has none inside")
+        outer = np.flatnonzero(twin < 0)
+        following = beyond[after]
+        least, step = corners, following
+        while True:
+            lower = np.minimum(least, least[step])
+            if np.array_equal(lower[outer], least[outer]):
+                break
+            least, step = lower, step[step]
+        first = outer[least[outer] == outer]
+        counts = np.bincount(least[outer], minlength=count)[first]
+        place = np.cumsum(counts) - counts
+        found = np.zeros(len(outer), np.int64)
+        active, current = np.arange(len(first)), first
+        for passed in range(int(counts.max(initial=0))):
+            going = counts[active] > passed
+            active, current = active[going], current[going]
+            found[place[active] + passed] = current
+            current = following[current]
+        return found, counts
+
+    def _twins(self, after: NDArray[np.int64], marked: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The corner (3 m,) at the other side of each marked edge, by the corner that starts it; -1 for other edges."""
+        twin = np.full(len(after), -1)
         tail, head = self.faces.reshape(-1)[marked], self.faces.reshape(-1)[after[marked]]
         # The two sides of an inner edge are neighbours in this order: a polygon's triangles stand together.
         order = np.lexsort((marked, np.maximum(tail, head), np.minimum(tail, head)))
         left, right = order[0::2][: len(order) // 2], order[1::2]
         paired = (tail[left] == head[right]) & (head[left] == tail[right])
-        left, right = left[paired], right[paired]
-        twin = np.full(count, -1)
-        twin[marked[left]], twin[marked[right]] = marked[right], marked[left]
-        following = after.copy()
-        crossing = np.flatnonzero(twin[following] >= 0)  # the next edge is inner: go on around the vertex beyond it
-        for _ in range(len(marked) + 1):
-            if len(crossing) == 0:
-                break
-            following[crossing] = after[twin[following[crossing]]]
-            crossing = crossing[twin[following[crossing]] >= 0]
-        else:
-            raise MeshError("polygons marks all edges around a vertex; a polygon has none inside")
-        first = []
-        seen = np.zeros(count, bool)
-        follow: list[int] = following.tolist()
-        for corner in np.flatnonzero(twin < 0).tolist():
-            if not seen[corner]:
-                first.append(corner)
-                walker = corner
-                while not seen[walker]:
-                    seen[walker] = True
-                    walker = follow[walker]
-        return follow, first
+        left, right = marked[left[paired]], marked[right[paired]]
+        twin[left], twin[right] = right, left
+        return twin
 
     def __repr__(self) -> str:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
@@ -233,6 +242,16 @@ def canonical_faces(faces: NDArray[Index]) -> NDArray[Index]:
         unique = np.unique(rotated, axis=0)
     canonical: NDArray[Index] = unique.astype(faces.dtype)
     return canonical
+
+
+def _split(values: list[int], counts: list[int]) -> list[list[int]]:
+    """A list cut into lists of these lengths."""
+    lists = []
+    start = 0
+    for count in counts:
+        lists.append(values[start : start + count])
+        start += count
+    return lists
 
 
 def _check_shape(name: str, array: NDArray[np.generic]) -> None:

@@ -209,8 +209,10 @@ def _joined_attributes(meshes: Sequence[Mesh]) -> tuple[Attribute, ...]:
     found: dict[tuple[Any, ...], dict[int, Attribute]] = {}
     for place, mesh in enumerate(meshes):
         for one in mesh.attributes:
-            key = (one.name, one.kind, one.values.shape[1], one.values.dtype.str, one.normalized)
-            found.setdefault(key, {}).setdefault(place, one)
+            key: tuple[Any, ...] = (one.name, one.kind, one.values.shape[1], one.values.dtype.str, one.normalized)
+            while place in found.get(key, ()):  # two of one name stay two
+                key = (*key, None)
+            found.setdefault(key, {})[place] = one
     return tuple(_joined_attribute(meshes, parts) for parts in found.values())
 
 

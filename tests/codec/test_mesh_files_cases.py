@@ -32,7 +32,7 @@ def test_a_case_is_read_as_it_should_be(name: str) -> None:
     loaded = mesh_of(load_scene(CASES / name), name)
     assert (len(loaded.mesh.vertices), len(loaded.mesh.faces)) == (case["vertices"], case["faces"])
     if "area" in case:
-        assert area(loaded.mesh) == pytest.approx(case["area"], rel=1e-5)
+        assert area(loaded.mesh) == pytest.approx(case["area"], rel=1e-4)  # 16-bit positions
 
 
 @pytest.mark.parametrize("name", [name for name, case in EXPECTED.items() if "error" in case])
@@ -57,10 +57,10 @@ def test_a_case_is_encoded_with_a_warning(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("ply_trail.ply", "after the end"),
-        ("stl_trail.stl", "after"),
+        ("ply_trail.ply", "17 bytes after the last row"),
+        ("stl_trail.stl", "7 bytes follow the last facet"),
         ("ply_nan.ply", "not finite"),
-        ("no_mtl.obj", ".mtl"),
+        ("no_mtl.obj", "no material file"),
         ("noscene.gltf", "scene"),
         ("lines_beside.gltf", "line"),
         ("skin.gltf", "skin"),

@@ -72,17 +72,20 @@ def _member(suffix: str, verb: str) -> object:
     name = SUFFIXES.get(suffix)
     if name is None:
         return None
-    try:  # interim
-        return getattr(import_module(f"meshtide_codec.mesh_files.{name}"), f"{verb}_{name}", None)
-    except ModuleNotFoundError:
-        return None
+    return getattr(import_module(f"meshtide_codec.mesh_files.{name}"), f"{verb}_{name}")
 
 
 _MAGICS = (
-    (b"PK\x03\x04", ".zip"),
-    (b"\x89PNG", ".png"),
-    (b"\xff\xd8\xff", ".jpg"),
-    (b"%PDF", ".pdf"),
+    (b"PK\x03\x04", "a zip archive"),
+    (b"PK\x05\x06", "a zip archive"),
+    (b"\x1f\x8b", "a gzip archive"),
+    (b"BZh", "a bzip2 archive"),
+    (b"\xfd7zXZ\x00", "an xz archive"),
+    (b"\x28\xb5\x2f\xfd", "a zstandard archive"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7z archive"),
+    (b"\x89PNG", "a picture (PNG)"),
+    (b"\xff\xd8\xff", "a picture (JPEG)"),
+    (b"%PDF", "a document (PDF)"),
     (b"glTF", ".glb"),
     (b"ply\n", ".ply"),
     (b"ply\r", ".ply"),
@@ -90,9 +93,11 @@ _MAGICS = (
 
 
 def content_kind(head: bytes) -> str | None:
-    r"""The suffix that the first bytes of a file ask for, where they leave no doubt.
+    r"""The suffix that the first bytes of a file ask for, or what they are the beginning of; None if that is open.
 
-    >>> content_kind(b"glTF\x02"), content_kind(b"# a comment")
-    ('.glb', None)
+    A gzip archive is unpacked before it is looked at: what is one then was packed twice.
+
+    >>> content_kind(b"glTF\x02"), content_kind(b"PK\x03\x04"), content_kind(b"# a comment")
+    ('.glb', 'a zip archive', None)
     """
     return next((kind for magic, kind in _MAGICS if head.startswith(magic)), None)

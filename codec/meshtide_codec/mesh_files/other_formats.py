@@ -1,35 +1,58 @@
-"""Rarer formats, read and written by trimesh: positions and triangles only."""
+"""Rarer formats, read and written by trimesh: positions and triangles only.
+
+Each needs a library that is not installed with meshtide. Those that are archives are bounded before they are opened.
+"""
 
 from __future__ import annotations
 
 import io
 import logging
 import warnings
+import zipfile
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files.formats import SUFFIXES
+from meshtide_codec.mesh_files.source import largest_expansion
 from meshtide_codec.scene import Scene
 
 if TYPE_CHECKING:
     from meshtide_codec.limits import FileLimits
     from meshtide_codec.mesh_files.source import Source
 
+_READ = {
+    "3mf": "lxml networkx",
+    "3dxml": "lxml networkx",
+    "dae": "pycollada",
+    "zae": "pycollada",
+    "xaml": "lxml",
+    "step": "cascadio",
+    "stp": "cascadio",
+}
+"""The packages that trimesh needs for each format."""
+_WRITTEN = ("3mf", "dae")
+
 
 def read_other(source: Source, limits: FileLimits) -> Scene:
-    """A scene of one mesh, from any format that trimesh reads.
+    """A scene of one mesh, from a format that trimesh reads.
 
     Raises:
-        MeshFileError: it is of an unknown format, or cannot be read.
+        MeshFileError: it is of an unknown format, needs a library, or cannot be read.
     """
     import trimesh  # noqa: PLC0415 - heavy
 
     kind = source.suffix.lstrip(".")
+    if kind not in _READ:
+        raise MeshFileError(f"nothing is known about files named *{source.suffix}; {_list('read', _READ)}")
     if kind not in trimesh.available_formats():
-        raise MeshFileError(f"nothing is known about files named *{source.suffix}")
+        raise MeshFileError(f"files named *{source.suffix} need a library: pip install {_READ[kind]}")
+    _check_archive(source.data, limits)
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its warnings come back below as one error
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # other people's libraries; what matters is raised
             loaded: Any = trimesh.load(io.BytesIO(source.data), file_type=kind, process=False, maintain_order=True)
             mesh: Any = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
@@ -45,19 +68,43 @@ def read_other(source: Source, limits: FileLimits) -> Scene:
 
 
 def write_other(scene: Scene, kind: str) -> bytes:
-    """The scene's mesh in any format that trimesh writes into one file.
+    """The scene's mesh in a format that trimesh writes into one file.
 
     Raises:
-        MeshFileError: the format is unknown, lacks a library, or takes more than one file.
+        MeshFileError: the format is unknown, or lacks a library.
     """
     import trimesh  # noqa: PLC0415 - heavy
 
+    if kind not in _WRITTEN:
+        raise MeshFileError(f"nothing is known about files named *.{kind}; {_list('written', _WRITTEN)}")
     mesh = scene.mesh()
-    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
     try:
-        data = plain.export(file_type=kind)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
+            data = plain.export(file_type=kind)
     except (KeyError, ValueError, ImportError) as error:
-        raise MeshFileError(f"{kind!r} is unknown or lacks a library ({error})") from error
-    if not isinstance(data, bytes | str):
-        raise MeshFileError(f"format {kind!r} takes more than one file; try ply, obj or glb")
-    return data.encode() if isinstance(data, str) else data
+        raise MeshFileError(f"files named *.{kind} need a library: pip install {_READ[kind]} ({error})") from error
+    return data.encode() if isinstance(data, str) else bytes(data)
+
+
+def _list(verb: str, others: tuple[str, ...] | dict[str, str]) -> str:
+    own = ", ".join(suffix.lstrip(".") for suffix in SUFFIXES)
+    return f"{verb} are {own}, and with a library more each {', '.join(others)}"
+
+
+def _check_archive(data: bytes, limits: FileLimits) -> None:
+    """Refuse a zip archive whose members are larger together than an archive of that size may be.
+
+    A member cannot be larger than it declares: more than that is never unpacked.
+    """
+    if not data.startswith(b"PK"):
+        return
+    most = largest_expansion(len(data), limits)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+    except (zipfile.BadZipFile, ValueError, NotImplementedError, OverflowError) as error:
+        raise MeshFileError(f"the archive is damaged: {error}") from error
+    if size > most:
+        raise MeshFileError(f"the archive expands to more than {most} bytes from {len(data)}")

@@ -10,10 +10,11 @@ the next polygon may stand there. Polygons of no area are fans. Cost: linear in 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from meshtide_codec.mesh_files.ears import ears, planes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -80,9 +81,11 @@ def _batches(
     counts: NDArray[np.int64], starts: NDArray[np.int64], least: int
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Polygons of one size, `least` or more, some at a time: their numbers (k,), the places of their corners (k, n)."""
+    if len(counts) == 0:
+        return
     order = None
     ordered = counts
-    if len(counts) and counts.min() < counts.max():
+    if counts.min() < counts.max():
         order = np.argsort(counts, kind="stable")
         ordered = counts[order]
     begins = np.flatnonzero(np.diff(ordered, prepend=-1))
@@ -129,11 +132,11 @@ def _few_vertices(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
 def _cut(points: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Triangles of k polygons (k, n, 3), some at a time: which polygons (j,), the corners of each (j, n - 2, 3)."""
     size = points.shape[1]
+    points = _near_one(points)
     along = np.ascontiguousarray(points.transpose(2, 1, 0))  # (3, n, k): long rows are what numpy is fast at
     with np.errstate(all="ignore"):  # what is not finite becomes a fan, and is refused with its vertex's name
         edges = np.roll(along, -1, axis=1) - along
-        spokes = along - along[:, :1]
-        normal = _cross(spokes, np.roll(spokes, -1, axis=1)).sum(axis=1)
+        normal = _cross(along, np.roll(along, -1, axis=1)).sum(axis=1)
         square = (normal * normal).sum(axis=0)
         before = np.roll(edges, 1, axis=1)
         turn = (_cross(before, edges) * normal[:, None]).sum(axis=0)
@@ -154,8 +157,22 @@ def _cut(points: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.int64], NDArr
     ring = (apex + np.arange(size)) % size
     spans = np.arange(size - 2)
     yield fans, ring[:, np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)]
-    for index in np.flatnonzero(~(convex | flat)).tolist():
-        yield np.array([index]), _ears(points[index], normal[:, index])[None]
+    rest = np.flatnonzero(~(convex | flat))
+    if len(rest):
+        yield rest, ears(planes(points[rest], normal[:, rest].T))
+
+
+def _near_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Polygons (k, n, 3) moved so that the first corner is at the origin, and scaled by powers of two to sizes near 1.
+
+    No product of coordinates overflows or vanishes then.
+    """
+    with np.errstate(all="ignore"):
+        moved = points * 0.5
+        moved -= moved[:, :1].copy()
+        _, exponents = np.frexp(np.abs(moved).max(axis=(1, 2)))
+        near: NDArray[np.float64] = np.ldexp(moved, -exponents[:, None, None])
+    return near
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -175,51 +192,3 @@ def _halves(
     for mask, corners in ((~other, _FIRST_DIAGONAL), (other, _SECOND_DIAGONAL)):
         chosen = np.flatnonzero(mask)
         yield chosen, np.broadcast_to(np.array(corners), (len(chosen), 2, 3))
-
-
-def _ears(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Triangles (n - 2, 3) of one polygon (n, 3) in the plane across its normal; corners rise along the outline."""
-    from mapbox_earcut import triangulate_float64  # noqa: PLC0415 - few files have concave polygons
-
-    size = len(points)
-    relative = points - points[0]
-    scale = np.abs(relative).max()
-    axis = np.zeros(3)
-    axis[np.argmin(np.abs(normal))] = 1.0
-    across = np.cross(normal, axis)
-    across /= np.linalg.norm(across)
-    upward = np.cross(normal / np.linalg.norm(normal), across)
-    plane = np.ascontiguousarray(relative / scale @ np.stack([across, upward], axis=1))
-    found = triangulate_float64(plane, np.array([size], np.uint32)).reshape(-1, 3).astype(np.int64)
-    # Along the outline the corners of every triangle rise, whichever way earcut turned it.
-    triangles = _with_all_corners(np.sort(found, axis=1).tolist(), size)
-    if triangles is None:  # an outline that crosses itself
-        spans = np.arange(size - 2)
-        return np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)
-    return np.array(triangles, np.int64)
-
-
-def _with_all_corners(triangles: list[list[int]], size: int) -> list[list[int]] | None:
-    """The triangles with the corners that were left out put back into the edges that they lie on; None if none fits."""
-    present = sorted({corner for triangle in triangles for corner in triangle})
-    if not present:
-        return None
-    edges = {(triangle[i], triangle[(i + 1) % 3]): place for place, triangle in enumerate(triangles) for i in range(3)}
-    result: list[list[int] | None] = list(triangles)
-    for start, end in zip(present, [*present[1:], present[0]], strict=True):
-        missing = [corner % size for corner in range(start + 1, end + (size if end <= start else 0))]
-        if not missing:
-            continue
-        place = edges.get((start, end))
-        split = None if place is None else result[place]
-        if place is None or split is None:
-            return None
-        apex = next(corner for corner in split if corner not in (start, end))
-        chain = [start, *missing, end]
-        fan = [sorted((apex, a, b)) for a, b in pairwise(chain)]
-        result[place] = None
-        for triangle in fan:  # other edges of the same triangle may be split later
-            edges |= {(triangle[i], triangle[(i + 1) % 3]): len(result) for i in range(3)}
-            result.append(triangle)
-    whole = [triangle for triangle in result if triangle is not None]
-    return whole if len(whole) == size - 2 else None

@@ -76,7 +76,7 @@ def read_source(source: Source, limits: FileLimits) -> Scene:
         MeshError: see `load_scene`; the message does not name the file.
     """
     found = content_kind(source.data[:64])
-    if found is not None and found != source.suffix:
+    if found is not None and found != source.suffix and source.suffix in ("", *SUFFIXES):  # others may be archives
         raise MeshFileError(f"it is taken for *{source.suffix}, but its content is {found.lstrip('.')}")
     if not source.suffix:
         raise MeshFileError("its name does not tell the format; --format names it, such as ply or obj")
@@ -86,27 +86,29 @@ def read_source(source: Source, limits: FileLimits) -> Scene:
     return replace(scene, notes=(*scene.notes, *source.notes))
 
 
-def mesh_of(scene: Scene, name: Path | str, *, keep_unreferenced: bool = False) -> SceneMesh:
+def mesh_of(scene: Scene, name: Path | str = "", *, keep_unreferenced: bool = False) -> SceneMesh:
     """The one mesh of a scene, checked.
 
     Args:
         scene: as it was read.
-        name: of its file, for messages.
+        name: of its file, for messages to begin with.
         keep_unreferenced: whether vertices that no face uses stay (they cannot be seen, but cost bytes).
 
     Raises:
-        MeshError: there is nothing in it, or a coordinate of a vertex that is used is not finite.
+        MeshError: there are no faces in it, or a coordinate of a vertex that is used is not finite.
     """
     try:
         return _checked(scene.mesh(), scene.notes, keep_unreferenced=keep_unreferenced)
     except MeshError as error:
-        raise type(error)(f"{name}: {error}") from error
+        raise type(error)(f"{name}: {error}" if name else str(error)) from error
 
 
 def _checked(mesh: Mesh, told: Sequence[str], *, keep_unreferenced: bool) -> SceneMesh:
     notes = list(told)
     if len(mesh.vertices) == 0:
         raise MeshFileError("there are no vertices in it")
+    if len(mesh.faces) == 0:
+        raise MeshFileError(f"there are no faces in it{_because(notes)}")
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces.reshape(-1)] = True
     if not np.isfinite(mesh.vertices).all() and (unfinished := ~np.isfinite(mesh.vertices).all(axis=1) & ~used).any():
@@ -114,8 +116,13 @@ def _checked(mesh: Mesh, told: Sequence[str], *, keep_unreferenced: bool) -> Sce
         notes.append(f"{count} {'vertex is' if count == 1 else 'vertices are'} not finite and of no face: left out")
         mesh, used = mesh.with_vertices(~unfinished), used[~unfinished]
     mesh = Mesh.checked(mesh.vertices, mesh.faces, mesh.attributes, mesh.materials, mesh.polygons)
-    unreferenced = 0 if keep_unreferenced or not used.any() else int((~used).sum())
+    unreferenced = 0 if keep_unreferenced else int((~used).sum())
     return SceneMesh(mesh.with_vertices(used) if unreferenced else mesh, unreferenced, tuple(notes))
+
+
+def _because(notes: list[str]) -> str:
+    """What was left out of a file of which nothing is left."""
+    return f" ({'; '.join(notes)})" if notes else ""
 
 
 def load_mesh(

@@ -8,6 +8,7 @@ below it, and only where there is one: a file that came through a pipe or from a
 from __future__ import annotations
 
 import os
+import re
 import sys
 import zlib
 from dataclasses import dataclass, field
@@ -17,12 +18,16 @@ from typing import TYPE_CHECKING, BinaryIO
 from meshtide_codec.errors import MeshFileError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from meshtide_codec.limits import FileLimits
 
 STANDARD_INPUT = "-"
 GZIP_MAGIC = b"\x1f\x8b"
 GZIP_SUFFIX = ".gz"
 _PIECE = 1 << 20
+_SMALL_INPUT = 1 << 9
+_ZEROS = re.compile(rb"\0*")
 _FREE_EXPANSION = 1 << 24
 _LARGEST_EXPANSION = 100
 """An archive may grow to 16 MiB, or to a hundred times its size: text of meshes grows five to twenty times."""
@@ -59,23 +64,27 @@ class Source:
             limits: how large it may be.
 
         Raises:
-            MeshFileError: it lies elsewhere, is no regular file, or is too large.
+            MeshFileError: it lies elsewhere, is no regular file, cannot be read, or is too large.
         """
         shown = reference[:200]
         if self.folder is None:
             raise MeshFileError(f"the file names another one, {shown!r}; put everything into one file")
         if "\0" in reference:
             raise MeshFileError(f"the file names {shown!r}, which no file can be called")
-        folder = self.folder.resolve()
-        path = (folder / reference.replace("\\", "/")).resolve()
-        if not path.is_relative_to(folder):
-            raise MeshFileError(f"the file names {shown!r}, which lies outside of its folder")
-        if not path.exists():
-            return None
-        if not path.is_file():
-            raise MeshFileError(f"the file names {shown!r}, which is no regular file")
-        with path.open("rb") as file:
-            return read_bounded(file, limits)
+        try:
+            folder = self.folder.resolve()
+            path = (folder / reference.replace("\\", "/")).resolve()
+            if not path.is_relative_to(folder):
+                raise MeshFileError(f"the file names {shown!r}, which lies outside of its folder")
+            if not path.exists():
+                return None
+            if not path.is_file():
+                raise MeshFileError(f"the file names {shown!r}, which is no regular file")
+            with path.open("rb") as file:
+                return read_bounded(file, limits)
+        except (OSError, RuntimeError, ValueError) as error:  # a name that is too long, a circle of links, no right
+            reason = getattr(error, "strerror", None) or type(error).__name__
+            raise MeshFileError(f"the file names {shown!r}, which cannot be read: {reason}") from error
 
 
 def format_suffix(name: str) -> str:
@@ -126,9 +135,17 @@ def read_bounded(file: BinaryIO, limits: FileLimits) -> bytes:
     """
     size = os.fstat(file.fileno()).st_size if file.seekable() else 0
     limits.check("file_bytes", size)
-    data = file.read() if size else file.read(limits.file_bytes + 1)
-    limits.check("file_bytes", len(data))
-    return data
+    pieces = [file.read()] if size else list(_pieces(file, limits.file_bytes))
+    limits.check("file_bytes", sum(map(len, pieces)))
+    return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+
+def _pieces(file: BinaryIO, most: int) -> Iterator[bytes]:
+    """What a pipe holds, until it ends or is longer than `most`."""
+    size = 0
+    while size <= most and (piece := file.read(_PIECE)):
+        size += len(piece)
+        yield piece
 
 
 def expanded(data: bytes, limits: FileLimits) -> bytes:
@@ -142,24 +159,39 @@ def expanded(data: bytes, limits: FileLimits) -> bytes:
     >>> expanded(gzip.compress(b"v 0 0 0"), FileLimits())
     b'v 0 0 0'
     """
-    most = min(limits.file_bytes, max(_FREE_EXPANSION, _LARGEST_EXPANSION * len(data)))
+    most = largest_expansion(len(data), limits)
     pieces: list[bytes] = []
-    size = 0
-    rest = data
+    size = position = 0
     try:
-        while rest:
+        while position < len(data):
             member = zlib.decompressobj(wbits=31)
-            waiting = rest
+            waiting, fed = b"", _SMALL_INPUT  # a member may be tiny, and what it does not use is copied
             while not member.eof:
+                if not waiting:
+                    waiting, fed = data[position : position + fed], min(2 * fed, _PIECE)
+                    position += len(waiting)
+                    stuck = not waiting
                 piece = member.decompress(waiting, _PIECE)
+                waiting = member.unconsumed_tail
                 size += len(piece)
                 if size > most:
                     raise MeshFileError(f"the archive expands to more than {most} bytes from {len(data)}")
-                pieces.append(piece)
-                waiting = member.unconsumed_tail
-                if not piece and not waiting and not member.eof:
+                if stuck and not piece and not member.eof:
                     raise MeshFileError("the archive is cut short")
-            rest = member.unused_data.lstrip(b"\0")  # padding of tapes
+                if piece:
+                    pieces.append(piece)
+            position = _after_zeros(data, position - len(member.unused_data))
     except zlib.error as error:
         raise MeshFileError(f"the archive is damaged: {error}") from error
     return b"".join(pieces)
+
+
+def _after_zeros(data: bytes, position: int) -> int:
+    """Where the next member begins, behind the padding of tapes."""
+    zeros = _ZEROS.match(data, position)
+    return position if zeros is None else zeros.end()
+
+
+def largest_expansion(size: int, limits: FileLimits) -> int:
+    """How many bytes an archive of `size` bytes may hold."""
+    return min(limits.file_bytes, max(_FREE_EXPANSION, _LARGEST_EXPANSION * size))
