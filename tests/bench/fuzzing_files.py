@@ -86,6 +86,7 @@ def _child(
 def _watch(wanted: int, seconds: float, seed: int) -> dict[str, Any]:
     started = shown = time.monotonic()
     problems: list[str] = []
+    known: set[str] = set()
     seen: dict[str, int] = {}
     number = done = 0
     while done < wanted and time.monotonic() < started + seconds and len(problems) < MOST_PROBLEMS:
@@ -109,7 +110,10 @@ def _watch(wanted: int, seconds: float, seed: int) -> dict[str, Any]:
                     if "begin" in event:
                         number = event["begin"]
                     elif "problem" in event:
-                        problems.append(event["problem"])
+                        place = event["problem"].rpartition("\n  File")[2]
+                        if place not in known:
+                            problems.append(event["problem"])
+                            known.add(place)
                     else:
                         done += 1
                         seen[event["end"]] = seen.get(event["end"], 0) + 1

@@ -27,7 +27,8 @@ def welded(points: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[
     """
     if len(points) == 0:
         return points, np.zeros(0, np.int64)
-    positive = np.ascontiguousarray(points) + points.dtype.type(0)  # -0.0 becomes 0.0
+    with np.errstate(invalid="ignore"):  # a signalling NaN, which no mesh may have, is refused later
+        positive = np.ascontiguousarray(points) + points.dtype.type(0)  # -0.0 becomes 0.0
     bits = positive.view(np.uint32 if positive.dtype.itemsize == 4 else np.uint64)
     hashes = _hashed(bits)
     order = np.argsort(hashes)
