@@ -1,4 +1,4 @@
-"""The lines of an OBJ file in blocks of half a megabyte: found, told apart, gathered by kind, all of it on arrays.
+"""The lines of an OBJ file in blocks that fit a cache: found, told apart, gathered by kind, all of it on arrays.
 
 A line may be indented, end in CR, LF or both, go on in the next one after a backslash (which blanks may follow), and
 end in a comment. Blocks are cut between lines, so what a block takes is bounded whatever the file's size is.
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NOTHING, VERTEX, TEXCOORD, NORMAL, FACE, OTHER = range(6)
 """Kinds of lines: blank ones and comments, v, vt, vn, f (and fo), all others."""
 
-_BLOCK = 1 << 19
+_BLOCK = 1 << 17
 _LONGEST = 1 << 24  # bytes of a line: a polygon of more than two million corners
 _NEWLINE, _HASH, _BACKSLASH, _DOT, _F, _N, _O, _T, _V = b"\n#\\.fnotv"
 _LAST_END = re.compile(rb"[^\\ \t][ \t]*\n")  # of a line that does not go on

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _QUAD = 4
 _FIRST_DIAGONAL = [[0, 1, 2], [0, 2, 3]]
 _SECOND_DIAGONAL = [[0, 1, 3], [1, 2, 3]]
-_BATCH = 1 << 14  # corners that are looked at together
+_BATCH = 1 << 11  # corners that are looked at together: their arrays stay below what malloc maps anew each time
 _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
 
@@ -117,9 +117,8 @@ def _put(
     for polygons, cut in _cut(vertices[corners[places]]):
         where = rows[chosen[polygons]][:, None] + np.arange(size - 2)
         triangles[where] = cut + places[polygons, 0][:, None, None]
-        following = cut + 1
-        following[following == size] = 0
-        inner[where] = following != cut[:, :, [1, 2, 0]]
+        pattern = cut[:1] if cut.strides[0] == 0 else cut  # all may be cut alike
+        inner[where] = (pattern + 1) % size != pattern[:, :, [1, 2, 0]]
 
 
 def _few_vertices(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -177,7 +176,12 @@ def _near_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """The cross products of vectors (3, n, k)."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    products = np.empty_like(a)
+    other = np.empty_like(a[0])
+    for axis in range(3):
+        np.multiply(a[axis - 2], b[axis - 1], out=products[axis])
+        products[axis] -= np.multiply(a[axis - 1], b[axis - 2], out=other)
+    return products
 
 
 def _halves(
