@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from meshtide_codec.attributes import NONE, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.limits import FileLimits
+from meshtide_codec.mesh_files import ply_faces
 from meshtide_codec.mesh_files.ply_faces import index_list, indices_of, triangles_of_strips
 from meshtide_codec.mesh_files.ply_rows import Columns, ListColumn
 from ply_files import FORMS, INTEGERS, SQUARE, Element, face, mesh_in, outlines, ply, read, vertex
@@ -73,6 +74,20 @@ def test_an_item_that_is_no_vertex_is_named(items: list[Any], kind: str, shown: 
     table = ListColumn(np.array([3, 3]), np.array([[0, 1, 2], items], kind))
     with pytest.raises(MeshFileError, match=f"^row 1 names vertex {shown}; there are 3"):
         indices_of(table, 3, place)
+
+
+def test_polygons_are_cut_alike_in_parts_of_any_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(4)
+    rows = [([*rng.permutation(9)[: rng.integers(1, 7)].tolist()],) for _ in range(40)]
+    data = ply(vertex(rng.random((9, 3)).round(3).tolist()), Element("face", ["list uchar int vertex_index"], rows))
+    whole, notes = read(data)
+    monkeypatch.setattr(ply_faces, "_BLOCK", 3)
+    parts, told = read(data)
+    assert outlines(whole.mesh()) == [row[(at := row.index(min(row))) :] + row[:at] for (row,) in rows if len(row) >= 3]
+    assert parts.mesh().faces.tolist() == whole.mesh().faces.tolist()
+    assert outlines(parts.mesh()) == outlines(whole.mesh())
+    assert told == notes
+    assert len(notes) == 1
 
 
 def strips(rows: list[list[int]], kind: str = "i4", vertices: int = 99) -> list[list[int]]:
