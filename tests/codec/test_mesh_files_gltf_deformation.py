@@ -46,6 +46,15 @@ def test_the_transformation_of_the_node_does_not_count() -> None:
     assert scene.nodes[scene.roots[-1]].geometry == 0
 
 
+def test_instances_of_a_skin_are_taken_once_and_told() -> None:
+    file = skinned(*ALONE, [{}])
+    attributes = {"TRANSLATION": file.accessor([[0, 0, 0], [9, 0, 0]], "<f4")}
+    file.root["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    scene = read(file)
+    assert scene.counts() == (5, 6)
+    assert scene.notes == ("skin: in its bind pose", "instances of a mesh in a skin: taken once")
+
+
 def test_the_bind_pose_is_undone() -> None:
     nodes = [{"translation": [1, 2, 3], "scale": [2, 2, 2]}]
     world = transforms(np.array([[1.0, 2, 3]]), np.array([[0.0, 0, 0, 1]]), np.full((1, 3), 2.0))

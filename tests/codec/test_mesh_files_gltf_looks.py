@@ -11,6 +11,7 @@ import pytest
 
 from gltf_files import GltfFile, read, refusal_peak, triangle_file
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.gltf import write_gltf
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(20)
 
@@ -144,6 +145,16 @@ def test_the_rest_of_the_json_is_kept() -> None:
     }
     scene = read(triangle_file(**rest))
     assert scene.document == rest
+
+
+def test_what_meshes_say_is_kept_and_what_primitives_say_is_told() -> None:
+    file = triangle_file()
+    file.root["meshes"][0] |= {"name": "m", "extras": {"a": 1}, "weights": []}
+    file.root["meshes"][0]["primitives"][0]["extensions"] = {f"EXT_{i}": {} for i in range(9)}
+    scene = read(file)
+    assert scene.document["meshes"] == [{"extras": {"a": 1}}]
+    assert scene.notes == ("extensions of primitives (EXT_0, EXT_1, EXT_2, EXT_3, EXT_4): left out",)
+    assert read(write_gltf(scene, "a.glb").data).document["meshes"] == [{"extras": {"a": 1}}]
 
 
 def test_animations_are_told_and_left_out() -> None:

@@ -234,3 +234,15 @@ def test_what_a_node_says_beside_its_place_is_kept() -> None:
     kept = read(triangle_file(nodes=[node])).nodes[0]
     assert kept.name == "here"
     assert kept.properties == {"camera": 0, "extras": {"a": [1]}, "extensions": extensions}
+
+
+@pytest.mark.parametrize(("dtype", "kept"), [("<f4", np.float32), ("<i1", np.float32)])
+def test_normals_of_nodes_that_are_moved_and_that_are_not_are_one_attribute(dtype: str, kept: type) -> None:
+    file = pyramid_file()
+    normal = file.accessor([[0, 0, 127]] * 5, dtype, stride=0 if dtype == "<f4" else 4, normalized=dtype != "<f4")
+    file.root["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = normal
+    file.root["nodes"] = [{"mesh": 0, "rotation": TURN}, {"mesh": 0, "scale": [2, 2, -1]}]
+    file.root["scenes"] = [{"nodes": [0, 1]}]
+    (found,) = read_mesh(file).attributes
+    assert found.values.dtype == kept
+    assert np.allclose(found.values, [[0, 0, 1]] * 5 + [[0, 0, -1]] * 5)

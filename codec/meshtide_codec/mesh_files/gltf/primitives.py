@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 POSITION = "POSITION"
 _POINTS, _TRIANGLES, _STRIP, _FAN = 0, 4, 5, 6
+_NAMED = 5
+"""Names that a message lists at most."""
 _POSITION_TYPES = frozenset({"VEC3"})
 
 
@@ -84,11 +86,13 @@ class Plan:
         meshes: of each its primitives of triangles.
         points: primitives of points that are left out.
         lines: of lines.
+        extensions: names of those that primitives have and that are not read, a few of them.
     """
 
     meshes: list[list[Primitive]] = field(default_factory=list)
     points: int = 0
     lines: int = 0
+    extensions: dict[str, None] = field(default_factory=dict)
 
 
 def planned(document: Document, accessors: Accessors, limits: FileLimits) -> Plan:
@@ -112,6 +116,8 @@ def planned(document: Document, accessors: Accessors, limits: FileLimits) -> Pla
                 plan.lines += 1
             else:
                 found.append(_primitive(row, mode, where, accessors, limits))
+                unread = [name[:80] for name in mapping(row, "extensions", where) if name != DRACO]
+                plan.extensions |= dict.fromkeys(unread[: _NAMED - len(plan.extensions)])
                 if found[-1].material >= materials:
                     raise MeshFileError(f"{where} has material {found[-1].material}; the file has {materials}")
         plan.meshes.append(found)

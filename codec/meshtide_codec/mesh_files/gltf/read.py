@@ -26,9 +26,12 @@ if TYPE_CHECKING:
 
     from meshtide_codec.limits import FileLimits
     from meshtide_codec.mesh import Mesh
-    from meshtide_codec.mesh_files.gltf.document import Document
+    from meshtide_codec.mesh_files.gltf.document import Document, Row
     from meshtide_codec.mesh_files.gltf.nodes import Graph, Place
     from meshtide_codec.mesh_files.source import Source
+
+
+_OF_MESHES = frozenset({"name", "primitives", "weights"})
 
 
 def read_gltf(source: Source, limits: FileLimits) -> Scene:
@@ -60,6 +63,9 @@ def read_gltf(source: Source, limits: FileLimits) -> Scene:
     made.place_all()
     for line in made.notes:
         source.note(line)
+    rest = looks.remaining(document)
+    if any(made.rests):
+        rest["meshes"] = made.rests
     return Scene(
         tuple(made.meshes),
         tuple(made.nodes),
@@ -67,7 +73,7 @@ def read_gltf(source: Source, limits: FileLimits) -> Scene:
         looks.materials(document),
         looks.images(document, buffers, source, limits),
         tuple(made.names),
-        looks.remaining(document),
+        rest,
     )
 
 
@@ -78,6 +84,8 @@ def _tell(plan: Plan, document: Document, source: Source) -> None:
         raise MeshFileError(f"there are no triangles in it, only {told}" if told else "there are no meshes in it")
     if told:
         source.note(f"{told}: left out")
+    if plan.extensions:
+        source.note(f"extensions of primitives ({', '.join(ascii(name)[1:-1] for name in plan.extensions)}): left out")
     animations = len(document.rows("animations"))
     if animations:
         source.note(f"animations ({animations}): left out")
@@ -109,6 +117,7 @@ class _Made:
     graph: Graph
     meshes: list[Mesh] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    rests: list[Row] = field(default_factory=list)
     nodes: list[Node] = field(default_factory=list)
     roots: list[int] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
@@ -132,6 +141,8 @@ class _Made:
                     baked = self._geometry(place.mesh, weights, (place.skin, index), pose)
                     skinned.append(Node(baked, name=name))
                     self.notes["skin: in its bind pose"] = None
+                    if place.is_instanced:
+                        self.notes["instances of a mesh in a skin: taken once"] = None
                 else:
                     weights = self._weights(place.mesh, place, f"nodes[{index}]")
                     geometry = self._geometry(place.mesh, weights, None, None)
@@ -165,7 +176,9 @@ class _Made:
         if key not in self._known:
             self._known[key] = len(self.meshes)
             self.meshes.append(self.geometries.made(mesh, weights, pose))
-            self.names.append(text(self.document.rows("meshes")[mesh], "name"))
+            row = self.document.rows("meshes")[mesh]
+            self.names.append(text(row, "name"))
+            self.rests.append({key: value for key, value in row.items() if key not in _OF_MESHES})
         return self._known[key]
 
     def _instances_of(self, place: Place, world: NDArray[np.float64], where: str) -> NDArray[np.float64] | None:

@@ -143,7 +143,13 @@ class _Writing:
         name = self.scene.names[index] if index < len(self.scene.names) else ""
         found = parts(mesh, f"geometry {index}", self.losses)
         primitives = [primitive for part in found for primitive in self._primitives(part)]
-        return {**({"name": name} if name else {}), "primitives": primitives}
+        return {**self._rest_of_mesh(index), **({"name": name} if name else {}), "primitives": primitives}
+
+    def _rest_of_mesh(self, index: int) -> dict[str, Any]:
+        """The extras of the mesh of a geometry, and its extensions but for those that point elsewhere."""
+        rests = self.scene.document.get("meshes", ())
+        rest = rests[index] if isinstance(rests, list) and index < len(rests) else {}
+        return {key: value for key, value in rest.items() if not _points(value)} if isinstance(rest, dict) else {}
 
     def _primitives(self, part: Part) -> list[dict[str, Any]]:
         """The primitives on the vertices of a part: they share its accessors."""
