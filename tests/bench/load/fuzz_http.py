@@ -5,8 +5,8 @@ requests for addresses that exist with headers and methods that were made up, up
 meshes of every format and of streams that lie, whole and damaged, which are then read, replaced and deleted, bytes that
 are hardly HTTP, written to the socket, and floods: heads, lines, chunks and trailers that do not end. Any answer of 500
 and above (but 503 with the code `not-ready`), an end of the server, a line about a fault in its log, growing memory or
-descriptors, a job that ends in a fault or does not end, a good mesh that is refused, or an uploaded file that is left in
-the store is a failure: the exit code is 1 then.
+descriptors, a job that ends in a fault or does not end, a good mesh that is refused, or an uploaded file that is left
+in the store is a failure: the exit code is 1 then.
 
 Settings of the server that the environment names hold here too: with MESHTIDE_DATABASE and MESHTIDE_STORE, it is tried
 on another database and another store than those in a folder.

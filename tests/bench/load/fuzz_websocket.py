@@ -2,9 +2,9 @@
 
 Every connection says a few things: hellos and credits as they should be, the same with damaged bytes, any msgpack, any
 bytes, text, frames that are too large; then it waits, closes, or is gone without a word. Some write bytes instead:
-floods of tiny frames, messages in many pieces, frames with damaged heads, handshakes that go on and on. Meshes are asked
-for by ids with paths as well. A close with code 1011, an error frame `internal`, an end of the server, a line about a
-fault in its log, or growing memory or descriptors is a failure: the exit code is 1 then.
+floods of tiny frames, messages in many pieces, frames with damaged heads, handshakes that go on and on. Meshes are
+asked for by ids with paths as well. A close with code 1011, an error frame `internal`, an end of the server, a line
+about a fault in its log, or growing memory or descriptors is a failure: the exit code is 1 then.
 """
 
 from __future__ import annotations
