@@ -128,8 +128,9 @@ def serve(
     as port = 8000; the first of these wins. Settings without an option of their own, for --set, environment and file:
     database_file, catalogue_seconds, store_cache_mib, write_tokens_file, read_tokens_file, max_upload,
     upload_stall_timeout, max_vertices, max_faces, max_decode_memory, job_processes, job_seconds, job_processor_seconds,
-    job_lost_seconds, job_memory, shutdown_timeout, max_message. For environment and file only, as secrets:
-    database, write_tokens, read_tokens. docs/operate.md tells what each of them means.
+    job_lost_seconds, job_memory, shutdown_timeout, max_message, max_request_line, max_head, max_headers,
+    frames_per_second, control_frames_per_second. For environment and file only, as secrets: database, write_tokens,
+    read_tokens. docs/operate.md tells what each of them means.
 
     SIGTERM and Ctrl-C end it politely, with exit code 0: it takes no new streams and lets running ones end; a second
     signal ends it at once.

@@ -12,7 +12,7 @@ import logging
 import time
 from typing import TYPE_CHECKING
 
-from meshtide_server.gate import Gate
+from meshtide_server.gate import Door, Gate
 from meshtide_server.token_bucket import TokenBucket
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ _LENGTHS = {126: 2, 127: 8}
 
 class FrameGate(Gate):
     """Stands before a websocket protocol, which is made when the request that asks for it has come.
+
+    Frames that a client sends before it was answered wait for that: the protocol could not understand them yet.
 
     Args:
         inner: the protocol.
@@ -56,12 +58,27 @@ class FrameGate(Gate):
         self._left = 0
         self._fragments = 0
 
+    def door(self) -> Door:
+        """The connection; what is written first is the answer to the handshake."""
+        door = super().door()
+
+        def answer(data: bytes) -> None:
+            door.write = self.transport.write
+            self.transport.write(data)
+            self.hold(held=False)
+
+        door.write = answer
+        return door
+
     def cut(self, waiting: bytearray) -> int | float:
         """The next frame, or what is there of it."""
         if not self._greeted:
             end = waiting.find(_HEAD_END)
-            self._greeted = end >= 0
-            return end + len(_HEAD_END) if self._greeted else 0
+            if end < 0:
+                return 0
+            self._greeted = True
+            self._held = True
+            return end + len(_HEAD_END)
         if self._left:
             size = min(self._left, len(waiting))
             self._left -= size

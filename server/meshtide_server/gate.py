@@ -89,7 +89,17 @@ class Gate(asyncio.Protocol):
         """Called by the event loop, or by the protocol that was there before, with its own view of the connection."""
         given: Any = transport
         self.transport = given.outside if isinstance(given, Door) else given
-        self.inner.connection_made(cast("asyncio.Transport", Door(self.transport, self)))
+        self.inner.connection_made(cast("asyncio.Transport", self.door()))
+
+    def door(self) -> Door:
+        """The connection as the protocol behind is to see it."""
+        return Door(self.transport, self)
+
+    def take_over(self, rest: bytes) -> None:
+        """Go on with a connection of which another gate has read `rest`."""
+        if rest:
+            self.data_received(rest)
+        self._regulate()
 
     def data_received(self, data: bytes) -> None:
         """Called by the event loop."""
@@ -180,11 +190,9 @@ class Gate(asyncio.Protocol):
         rest = bytes(self._waiting)
         self.deaf = True
         self._forget()
-        self.transport.resume_reading()
-        if rest:
-            successor = self.transport.get_protocol()
-            assert isinstance(successor, asyncio.Protocol)  # noqa: S101 - what replaces a gate is one
-            successor.data_received(rest)
+        successor = self.transport.get_protocol()
+        assert isinstance(successor, Gate)  # noqa: S101 - what replaces a gate is one
+        successor.take_over(rest)
 
     def _after(self, seconds: float) -> None:
         loop = asyncio.get_running_loop()

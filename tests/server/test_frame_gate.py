@@ -1,4 +1,5 @@
 import asyncio
+import socket
 import struct
 import time
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from meshtide_server.frame_gate import MOST_FRAGMENTS, FrameGate
 from meshtide_server.gate import PIECES_A_TURN
 from meshtide_server.settings import Settings
 
-from .conftest import LiveServer
+from .conftest import LiveServer, make_stream
 from .connection_parts import FakeTransport, Notes, connected, turns
 
 HANDSHAKE = b"GET /meshes/small/stream HTTP/1.1\r\nUpgrade: websocket\r\n\r\n"
@@ -50,7 +51,24 @@ def made(frames: int = 100, control_frames: int = 5) -> tuple[FrameGate, Notes, 
     gate.data_received(HANDSHAKE)
     assert inner.pieces == [HANDSHAKE]
     inner.pieces.clear()
+    inner.transport.write(b"HTTP/1.1 101 Switching Protocols\r\n\r\n")
     return gate, inner, transport, clock
+
+
+async def test_frames_that_come_before_the_handshake_is_answered_wait() -> None:
+    inner = Notes()
+    gate = FrameGate(inner, frames=100, control_frames=5)
+    transport = connected(gate)
+    gate.data_received(HANDSHAKE + frame(BINARY, b"early"))
+    gate.data_received(frame(BINARY, b"second"))
+    await turns(3)
+    assert inner.pieces == [HANDSHAKE]
+    assert not transport.reading
+    inner.transport.write(b"101")
+    await turns(3)
+    assert inner.pieces == [HANDSHAKE, frame(BINARY, b"early"), frame(BINARY, b"second")]
+    inner.transport.write(b"more")
+    assert (bytes(transport.written), transport.reading) == (b"101more", True)
 
 
 async def test_a_flood_of_tiny_frames_is_worked_off_in_turns_and_not_read_meanwhile() -> None:
@@ -124,6 +142,21 @@ def test_frames_arrive_as_they_were_sent_however_they_are_cut(kinds: list[tuple[
 
 def hello(credit: int) -> bytes:
     return encode_message(Hello(PROTOCOL_VERSION, "small", b"", (), None, None, None, credit))
+
+
+def test_a_hello_right_behind_the_handshake_is_heard(folder: Path, serve: Callable[[Settings], LiveServer]) -> None:
+    live = serve(Settings(directory=folder, rescan_seconds=0))
+    host, port = live.url.removeprefix("http://").split(":")
+    head = b"GET /meshes/small/stream HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    head += b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    with socket.create_connection((host, int(port)), timeout=10.0) as client:
+        client.sendall(head + frame(BINARY, hello(1 << 20)))
+        answer = b""
+        while make_stream()[-5000:] not in answer:
+            data = client.recv(1 << 16)
+            assert data
+            answer += data
+    assert answer.startswith(b"HTTP/1.1 101 ")
 
 
 def test_a_client_that_pings_too_much_is_told_so(folder: Path, serve: Callable[[Settings], LiveServer]) -> None:

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from meshtide_server.gate import Gate
 from meshtide_server.request_framing import HeadLimits
 from meshtide_server.request_gate import RequestGate
 from meshtide_server.settings import Settings
@@ -120,12 +121,18 @@ async def test_what_comes_behind_the_request_for_a_websocket_reaches_it() -> Non
             super().data_received(data)
             self.transport.set_protocol(successor)
 
-    successor = Notes()
+    class Everything(Gate):
+        def cut(self, waiting: bytearray) -> int:
+            return len(waiting)
+
+    websocket = Notes()
+    successor = Everything(websocket)
     inner = Upgrading()
     gate = RequestGate(inner, LIMITS, 0.05, lambda: False)
     transport = connected(gate)
+    successor.connection_made(transport)  # type: ignore[arg-type] # it does what is needed
     gate.data_received(PLAIN + b"frames")
-    assert (inner.heard, successor.heard, transport.reading) == (PLAIN, b"frames", True)
+    assert (inner.heard, websocket.heard, transport.reading) == (PLAIN, b"frames", True)
     await asyncio.sleep(0.1)
     assert not transport.aborted
 

@@ -154,7 +154,7 @@ async def test_other_refusals_are_json_too(client: httpx.AsyncClient) -> None:
     assert (nothing.status_code, nothing.json()["error"]) == (404, "not-found")
     written = await client.post("/healthz")
     assert (written.status_code, written.json()["error"]) == (405, "method-not-allowed")
-    assert written.headers["allow"] == "GET"
+    assert written.headers["allow"] == "GET, HEAD, OPTIONS"
 
 
 async def test_a_mesh_that_is_not_ready_says_how_far_it_is(app: FastAPI, client: httpx.AsyncClient) -> None:

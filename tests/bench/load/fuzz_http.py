@@ -1,11 +1,12 @@
 """Random and mutated HTTP requests against a real server: `python tests/bench/load/fuzz_http.py --requests 10000`.
 
-Four kinds take turns: requests that fit the OpenAPI document and requests that break it (both made by schemathesis),
+Five kinds take turns: requests that fit the OpenAPI document and requests that break it (both made by schemathesis),
 requests for addresses that exist with headers and methods that were made up, uploads with the token that they need, of
-meshes of every format, whole and damaged, which are then read, replaced and deleted, and bytes that are hardly HTTP,
-written to the socket. Any answer of 500 and above (but 503 with the code `not-ready`), an end of the server, a line
-about a fault in its log, growing memory or descriptors, a job that ends in a fault or does not end, a good mesh that is
-refused, or an uploaded file that is left in the store is a failure: the exit code is 1 then.
+meshes of every format and of streams that lie, whole and damaged, which are then read, replaced and deleted, bytes that
+are hardly HTTP, written to the socket, and floods: heads, lines, chunks and trailers that do not end. Any answer of 500
+and above (but 503 with the code `not-ready`), an end of the server, a line about a fault in its log, growing memory or
+descriptors, a job that ends in a fault or does not end, a good mesh that is refused, or an uploaded file that is left
+in the store is a failure: the exit code is 1 then.
 
 Settings of the server that the environment names hold here too: with MESHTIDE_DATABASE and MESHTIDE_STORE, it is tried
 on another database and another store than those in a folder.
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 
 BATCH = 40
 """Requests to one operation before it is another one's turn."""
+MOST_FLOODED = 8 << 20
+"""Bytes of a flood, if the server takes them all."""
 WAITING = 40
 """Uploads that may wait to be encoded before the next ones are sent."""
 _WRITER = {"Authorization": f"Bearer {WRITE_TOKEN}"}
@@ -60,6 +63,27 @@ _SETTINGS = {
     "MESHTIDE_JOB_PROCESSES": "2",
     "MESHTIDE_UPLOAD_STALL_TIMEOUT": "1",
 }
+_PLACES = (
+    "/sub/deep/spot",
+    "/sub%2Fdeep%2Fspot",
+    "/sub/deep",
+    "/sub/../spot",
+    "/sub/%2e%2e/spot",
+    "//spot",
+    "/a" * 500,
+)
+_CHUNKS = b" HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n"
+_FLOODS = (
+    (b"", b"a"),
+    (b" HTTP/1.1\r\nHost: h\r\nX: ", b"b"),
+    (b" HTTP/1.1\r\nHost: h\r\n", b"X: 1\r\n"),
+    (b" HTTP/1.1\r\nHost: h\r\n\r\n", b"\r\n"),
+    (_CHUNKS, b"1"),
+    (_CHUNKS, b"1\r\nx\r\n"),
+    (_CHUNKS + b"0\r\n", b"X: 1\r\n"),
+    (b" HTTP/1.1\r\nHost: h\r\nContent-Length: 10\r\n\r\n0123456789", b"GET /healthz HTTP/1.1\r\nHost: h\r\n\r\n"),
+)
+"""How a request goes on behind its address, and what is repeated then."""
 _METHODS = (*["GET"] * 9, "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "BREW")
 _RANGES = ("bytes=0-", "bytes=-1", "bytes=5-9", "bytes=5-2", "bytes=0-0,2-3", "bytes=99999999999999999999-", "bytes=-0")
 _TAGS = ("*", '"x"', 'W/"x"', '"', "\x7f")
@@ -118,7 +142,7 @@ class Fuzzer:
                 for mode in (GenerationMode.POSITIVE, GenerationMode.NEGATIVE):
                     if not self.done:
                         self._from_schema(operation, mode)
-            turns = (*[self._made_up, self._upload] * len(operations), self._junk)
+            turns = (*[self._made_up, self._upload] * len(operations), self._junk, self._flood)
             for turn in turns:
                 for _ in range(BATCH):
                     if not self.done:
@@ -153,6 +177,8 @@ class Fuzzer:
     def _made_up(self, path: str) -> None:
         """A request for an address that exists, more or less, with headers of all sorts."""
         pick = self._random
+        if pick.random() < 0.2:
+            path = path.replace(f"/{MESH}", pick.choice(_PLACES))
         if pick.random() < 0.3:
             place = pick.randrange(len(path) + 1)
             path = path[:place] + quote(pick.randbytes(pick.randrange(1, 40))) + path[place:]
@@ -260,6 +286,22 @@ class Fuzzer:
                 line = connection.recv(4096).partition(b"\r\n")[0].split()
                 self._note(int(line[1]) if len(line) > 1 else 0, b"", f"junk {bytes(request)!r}")
                 return
+        self._note(0, b"", "")
+
+    def _flood(self, path: str) -> None:
+        """A request that does not end where it should, until the server has had enough of it."""
+        pick = self._random
+        start, block = pick.choice(_FLOODS)
+        sent = 0
+        with suppress(OSError), self._connection() as connection:
+            connection.sendall(f"{pick.choice(('GET', 'PUT', 'HEAD', 'BREW'))} {path}".encode() + start)
+            with suppress(OSError):
+                while sent < MOST_FLOODED:
+                    connection.sendall(block * 1000)
+                    sent += 1000 * len(block)
+            line = connection.recv(4096).partition(b"\r\n")[0].split()
+            self._note(int(line[1]) if len(line) > 1 else 0, b"", f"a flood of {block!r} behind {start!r}")
+            return
         self._note(0, b"", "")
 
     @contextmanager

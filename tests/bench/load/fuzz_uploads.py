@@ -7,7 +7,8 @@ import random
 import struct
 import sys
 import tempfile
-from dataclasses import dataclass
+import zlib
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from meshes import grid, shapes, soup
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
+from meshtide_codec.errors import StreamError
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.stream.container import read_container, write_container
 
 IDS = tuple(f"upload-{number}" for number in range(12))
 """Ids under which meshes are put, replaced, read and deleted."""
@@ -93,6 +96,8 @@ class Uploads:
         for _ in range(self._pick.randrange(1, 4)):
             if suffix == ".glb" and self._pick.random() < 0.6:
                 body = self._other_json(body)
+            elif suffix == ".tide" and self._pick.random() < 0.7:
+                body = self._other_claims(body)
             elif suffix != ".tide" and self._pick.random() < 0.5:
                 body = self._other_words(body)
             else:
@@ -132,6 +137,41 @@ class Uploads:
         words[pick.randrange(len(words))] = pick.choice(_NUMBERS).encode()
         lines[index] = b" ".join(words)
         return b"\n".join(lines)
+
+    def _other_claims(self, body: bytes) -> bytes:
+        """A stream whose checksums are right, and whose header or packets are not."""
+        pick = self._pick
+        try:
+            header, packets = read_container(body)
+        except StreamError:
+            return self._other_bytes(body)
+        payloads = [bytearray(packet.payload) for packet in packets]
+        levels = list(header.levels)
+        place = pick.randrange(len(levels))
+        number = pick.choice((0, 1, 2, 1000, 1 << 20, 1 << 26))
+        match pick.randrange(6):
+            case 0:
+                levels[place] = replace(levels[place], vertices=number)
+            case 1:
+                levels[place] = replace(levels[place], faces=number)
+            case 2:
+                header = replace(header, origin=(1.7e308, -1.7e308, 0.0), extent=pick.choice((0.0, 1e-320, 1.7e308)))
+            case 3:
+                header = replace(header, profile=pick.choice(("classic", "compact", "other")))
+            case 4:
+                header = replace(header, options={})
+            case _:
+                payload = pick.choice(payloads)
+                for _ in range(pick.choice((1, 3, 50)) if payload else 0):
+                    payload[pick.randrange(len(payload))] = pick.randrange(256)
+        table = [
+            replace(row, checksum=zlib.crc32(payload)) for row, payload in zip(header.packets, payloads, strict=True)
+        ]
+        header = replace(header, levels=tuple(levels), packets=tuple(table))
+        try:
+            return write_container(header, [bytes(payload) for payload in payloads])
+        except (StreamError, ValueError, OverflowError, struct.error):
+            return self._other_bytes(body)
 
     def _other_json(self, body: bytes) -> bytes:
         """A GLB file of which one value of its JSON is another one; its frame is right."""

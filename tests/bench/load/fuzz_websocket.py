@@ -1,9 +1,10 @@
 """Random and mutated websocket messages against a real server: `python tests/bench/load/fuzz_websocket.py`.
 
 Every connection says a few things: hellos and credits as they should be, the same with damaged bytes, any msgpack, any
-bytes, text, frames that are too large; then it waits, closes, or is gone without a word. A close with code 1011, an
-error frame `internal`, an end of the server, a line about a fault in its log, or growing memory or descriptors is a
-failure: the exit code is 1 then.
+bytes, text, frames that are too large; then it waits, closes, or is gone without a word. Some write bytes instead:
+floods of tiny frames, messages in many pieces, frames with damaged heads, handshakes that go on and on. Meshes are
+asked for by ids with paths as well. A close with code 1011, an error frame `internal`, an end of the server, a line
+about a fault in its log, or growing memory or descriptors is a failure: the exit code is 1 then.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 from collections import Counter
 from contextlib import suppress
 from typing import Any
+from urllib.parse import urlsplit
 
 import msgpack
 from fuzzing import Budget, run_command
@@ -25,6 +27,7 @@ from meshtide_codec.stream.messages import LARGEST_MESSAGE, Credit, Error, Hello
 
 AT_ONCE = 20
 INTERNAL = 1011
+_OTHER_IDS = ("7", "sub/spot", "sub%2Fspot", "sub/none", "a/b/c/d", "%00/a", "..%2F..", "sub/..%2fspot", "x" * 300)
 _ODD_NUMBERS = (0, 1, -1, 63, 64, 2**31, 2**53, 2**63 - 1, 2**64 - 1, -(2**63))
 
 
@@ -48,14 +51,20 @@ class Fuzzer:
         """Send all messages."""
         while not self._budget.done:
             await asyncio.gather(*(self._talk() for _ in range(AT_ONCE)))
-            if not self._noted and self._budget.sent >= self._budget.wanted // 4:
+            if not self._noted and self._budget.warm:
                 self._noted = True
                 await asyncio.to_thread(self._server.note)
 
     async def _talk(self) -> None:
         pick = self._random
-        path = f"/meshes/{MESH}/stream" if pick.random() < 0.9 else f"/meshes/{pick.randrange(100)}/stream?ticket=x"
         self.connections += 1
+        if pick.random() < 0.15:
+            with suppress(OSError, TimeoutError):
+                async with asyncio.timeout(30.0):
+                    await self._write()
+            return
+        mesh = MESH if pick.random() < 0.9 else pick.choice(_OTHER_IDS)
+        path = f"/meshes/{mesh}/stream{pick.choice(('', '', '?ticket=x'))}"
         try:
             async with (
                 asyncio.timeout(30.0),
@@ -80,6 +89,45 @@ class Fuzzer:
             self._ended(error.rcvd.code if error.rcvd else None)
         except (OSError, WebSocketException, TimeoutError) as error:
             self.endings[type(error).__name__] += 1
+
+    async def _write(self) -> None:
+        """Bytes that no library would send."""
+        pick = self._random
+        parts = urlsplit(self._server.url)
+        reader, writer = await asyncio.open_connection(parts.hostname, parts.port)
+        try:
+            head = f"GET /meshes/{MESH}/stream HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            head += "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
+            if pick.random() < 0.1:
+                head += "X: 1\r\n" * pick.choice((50, 200, 100_000))
+            writer.write(f"{head}\r\n".encode())
+            if pick.random() < 0.8:
+                await asyncio.wait_for(reader.read(4096), 5.0)
+            hello = encode_message(self._hello())
+            first = pick.choice((0x82, 0x82, 0x82, 0x02))
+            writer.write(bytes((first, 0xFE)) + len(hello).to_bytes(2, "big") + bytes(4) + hello)
+            tiny = (
+                b"\x89\x80",
+                b"\x8a\x80",
+                b"\x82\x80",
+                b"\x00\x80",
+                b"\x80\x80",
+                b"\x02\x80",
+                b"\xff\x80",
+                b"\x88\x80",
+            )
+            for _ in range(pick.randrange(1, 5)):
+                writer.write(
+                    pick.choice((pick.choice(tiny) + bytes(4), pick.randbytes(9))) * pick.choice((1, 70, 20_000))
+                )
+                self._budget.sent += 1
+            if pick.random() < 0.5:
+                with suppress(TimeoutError):
+                    while await asyncio.wait_for(reader.read(1 << 16), 0.3):
+                        pass
+            self.endings["bytes"] += 1
+        finally:
+            writer.transport.abort()
 
     def _message(self) -> bytes | str:
         """Something to say."""

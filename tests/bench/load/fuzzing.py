@@ -23,7 +23,7 @@ class Budget:
 
     Args:
         server: that it is sent to.
-        wanted: how many messages or requests.
+        wanted: how many messages or requests; 0 for as many as there is time for.
         seconds: how long at most.
         seed: of everything that is random.
     """
@@ -40,9 +40,16 @@ class Budget:
 
     @property
     def done(self) -> bool:
-        """Whether there was enough of messages, of time, or of problems."""
+        """Whether there was enough of messages, or of time if no number was asked for, or of problems."""
         too_late = time.monotonic() > self.started + self.seconds
-        return self.sent >= self.wanted or too_late or len(self.server.problems) > MOST_PROBLEMS
+        enough = self.sent >= self.wanted > 0
+        return enough or too_late or len(self.server.problems) > MOST_PROBLEMS
+
+    @property
+    def warm(self) -> bool:
+        """Whether a quarter is done: the server has grown to its working size."""
+        late = time.monotonic() > self.started + self.seconds / 4
+        return self.sent >= self.wanted // 4 if self.wanted else late
 
     def report(self, counted: str, **details: Any) -> dict[str, Any]:
         """What was sent and seen, how the server has grown, and what was wrong, which is nothing if all is well.
@@ -73,7 +80,9 @@ def run_command(
         arguments: of the command line.
     """
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(f"--{counted}", type=int, default=10_000, help="how many (default: %(default)s)")
+    parser.add_argument(
+        f"--{counted}", type=int, default=10_000, help="how many; 0: until the time is over (default: %(default)s)"
+    )
     parser.add_argument("--seconds", type=float, default=900.0, help="how long at most (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of everything that is random (default: %(default)s)")
     given = parser.parse_args(arguments)

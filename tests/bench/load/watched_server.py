@@ -120,9 +120,22 @@ def watched_server(*arguments: str, environment: dict[str, str] | None = None) -
     with TemporaryDirectory() as scratch:
         folder = Path(scratch) / "meshes"
         folder.mkdir()
-        (folder / f"{MESH}.tide").write_bytes(encode(load_sample(MESH)).to_bytes())
+        stream = encode(load_sample(MESH)).to_bytes()
+        for place in (folder, folder / "sub" / "deep"):
+            place.mkdir(parents=True, exist_ok=True)
+            (place / f"{MESH}.tide").write_bytes(stream)
         log = Path(scratch) / "log"
-        command = [sys.executable, "-m", "meshtide_server", str(folder), "--port", "0", "--announce", *arguments]
+        command = [
+            sys.executable,
+            "-m",
+            "meshtide_server",
+            str(folder),
+            "--recursive",
+            "--port",
+            "0",
+            "--announce",
+            *arguments,
+        ]
         data, temporary = Path(scratch) / "data", Path(scratch) / "temporary"
         temporary.mkdir()
         settings = {
