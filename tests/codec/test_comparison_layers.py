@@ -13,8 +13,8 @@ from meshtide_codec.comparison.layers import (
     HEADER,
     LAYERS,
     MAP,
-    PARAM,
     ORDER,
+    PARAM,
     layer_bytes,
     totals,
 )

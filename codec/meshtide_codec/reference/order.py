@@ -45,13 +45,10 @@ def reference_order(data: bytes) -> tuple[list[int], list[Face]] | None:
     twins: list[list[int]] = [[] for _ in stream.vertices]
     for number, vertex in enumerate(vertices):
         twins[vertex].append(number)
-    rows: list[Face] = []
-    keyed: list[list[Face]] = [[] for _ in stream.vertices]  # the faces of each key, turned to begin there
-    for face in stream.faces.tolist():
-        named = [twins[vertex][0] for vertex in face]
-        first = 0 if by_row else named.index(max(named))
-        rows.append((face[first], face[(first + 1) % 3], face[(first + 2) % 3]))
-        keyed[face[first]].append(rows[-1])
+    rows = [_turned(face, twins, by_row=by_row == 1) for face in stream.faces.tolist()]
+    keyed: list[list[Face]] = [[] for _ in stream.vertices]
+    for turned in rows:
+        keyed[turned[0]].append(turned)
     expected = [0] * len(keyed)
     faces: list[Face] = []
     before = place = next_row = 0
@@ -84,6 +81,13 @@ def reference_order(data: bytes) -> tuple[list[int], list[Face]] | None:
         faces.append((corners[0], corners[1], corners[2]))
     decoder.finish()
     return vertices, faces
+
+
+def _turned(face: list[int], twins: list[list[int]], *, by_row: bool) -> Face:
+    """A face of level 0 that begins at its key."""
+    named = [twins[vertex][0] for vertex in face]
+    first = 0 if by_row else named.index(max(named))
+    return face[first], face[(first + 1) % 3], face[(first + 2) % 3]
 
 
 def _twin(decoder: RangeDecoder, contexts: Contexts, base: int, twins: list[int], key: int) -> int:
