@@ -27,14 +27,10 @@ def test_tiles_of_one_grid_have_the_same_border_to_the_bit(options: CompactOptio
     moved = Mesh(whole.vertices * 0.1 + [1000.3, -7.7, 3.1], whole.faces)
     chosen = Grid(origin=(1000.1, -8.0, 2.7), extent=2.1)
     left = (moved.vertices[moved.faces][:, :, 0] <= moved.vertices[6 * 13, 0]).all(axis=1)
-    tiles = [
-        decode(encode(moved.with_faces(part).referenced(), options, grid=chosen).to_bytes()) for part in (left, ~left)
-    ]
-    rows = [set(map(bytes, tile.vertices)) for tile in tiles]
+    streams = [encode(moved.with_faces(part).referenced(), options, grid=chosen).to_bytes() for part in (left, ~left)]
+    rows = [set(map(bytes, decode(stream).vertices)) for stream in streams]
     assert len(rows[0] & rows[1]) == 13
-    headers = [
-        read_container(encode(moved.with_faces(part), options, grid=chosen).to_bytes())[0] for part in (left, ~left)
-    ]
+    headers = [read_container(stream)[0] for stream in streams]
     assert all(header.origin == (1000.1, -8.0, 2.7) and header.extent == 2.1 for header in headers)
 
 
