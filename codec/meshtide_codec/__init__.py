@@ -21,9 +21,12 @@ if TYPE_CHECKING:
     from meshtide_codec.encoder import EncodedMesh, encode
     from meshtide_codec.errors import MeshtideError
     from meshtide_codec.filters import FilterSpec
+    from meshtide_codec.grid import Grid
     from meshtide_codec.limits import Limits
+    from meshtide_codec.merging import Merging, merged_by_quantization
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.mesh_files import load_mesh, save_mesh
+    from meshtide_codec.order import Order, in_input_order
     from meshtide_codec.quantize import QuantizedMesh
     from meshtide_codec.samples import load_sample, sample_names
     from meshtide_codec.stream.container import ContainerReader, read_available, read_container
@@ -37,18 +40,23 @@ _HOMES = {
     "Decoder": "decoder",
     "EncodedMesh": "encoder",
     "FilterSpec": "filters",
+    "Grid": "grid",
     "LevelUpdate": "decoder",
     "Limits": "limits",
+    "Merging": "merging",
     "Mesh": "mesh",
     "MeshtideError": "errors",
+    "Order": "order",
     "Packet": "stream.packets",
     "PacketKind": "stream.packets",
     "QuantizedMesh": "quantize",
     "StreamHeader": "stream.header",
     "decode": "decoder",
     "encode": "encoder",
+    "in_input_order": "order",
     "load_mesh": "mesh_files",
     "load_sample": "samples",
+    "merged_by_quantization": "merging",
     "read_available": "stream.container",
     "read_container": "stream.container",
     "sample_names": "samples",
@@ -62,18 +70,23 @@ __all__ = [
     "Decoder",
     "EncodedMesh",
     "FilterSpec",
+    "Grid",
     "LevelUpdate",
     "Limits",
+    "Merging",
     "Mesh",
     "MeshtideError",
+    "Order",
     "Packet",
     "PacketKind",
     "QuantizedMesh",
     "StreamHeader",
     "decode",
     "encode",
+    "in_input_order",
     "load_mesh",
     "load_sample",
+    "merged_by_quantization",
     "read_available",
     "read_container",
     "sample_names",

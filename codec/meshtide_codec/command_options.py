@@ -8,6 +8,7 @@ from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.errors import OptionError
 from meshtide_codec.filters import FilterSpec
+from meshtide_codec.grid import Grid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,6 +50,27 @@ def profile_options(
     if "sent_levels" in given:
         given["sent_levels"] = frozenset(number_list(given["sent_levels"]))
     return ClassicOptions(bits=bits, filter=FilterSpec(**spec), **given)
+
+
+def chosen_grid(origin: str | None, extent: float | None, step: float | None, bits: int | None) -> Grid | None:
+    """The grid that --origin, --extent and --step describe; None where the person said nothing of it.
+
+    Raises:
+        OptionError: a value that makes no sense, or a step beside B.
+
+    >>> chosen_grid("0,0,-1.5", 100.0, None, 12)
+    Grid(origin=(0.0, 0.0, -1.5), extent=100.0, step=None)
+    """
+    if step is not None and bits is not None:
+        raise OptionError("--step decides how many bits there are, and so does -B; give one of them")
+    if origin is None and extent is None and step is None:
+        return None
+    try:
+        x, y, z = (None, None, None) if origin is None else (float(part) for part in origin.split(","))
+    except ValueError as error:
+        raise OptionError(f"an origin is written like 0,0,-1.5, not {origin!r}") from error
+    place = None if x is None or y is None or z is None else (x, y, z)
+    return Grid(place, extent, step)
 
 
 def number_list(text: str) -> tuple[int, ...]:

@@ -42,7 +42,26 @@ def encode(
     profile: Annotated[
         str, typer.Option(help="compact (small) or classic (the paper's codec, for study).")
     ] = "compact",
-    bits: Annotated[int, typer.Option("-B", "--bits", help="Quantization bits per coordinate, 4 to 20.")] = 12,
+    bits: Annotated[
+        int | None,
+        typer.Option(
+            "-B", "--bits", help="Quantization bits per coordinate, 4 to 20; by default 12.", show_default=False
+        ),
+    ] = None,
+    origin: Annotated[
+        str | None, typer.Option(help="Where the grid begins, as X,Y,Z: by default at the mesh's smallest coordinates.")
+    ] = None,
+    extent: Annotated[
+        float | None,
+        typer.Option(help="Length of the grid's side; tiles of the same grid agree on their border."),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(help="Spacing of the grid in the mesh's unit; it decides about B."),
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option(help="Refuse a mesh of which quantization merges more than 0.1 % of the faces or the area.")
+    ] = False,
     previews: Annotated[
         str | None,
         typer.Option(
@@ -95,16 +114,19 @@ def encode(
     Example: meshtide encode bunny.obj --profile classic --degree 5 --basis chebyshev
     """
     from meshtide_codec.command_line import progress_bar
-    from meshtide_codec.command_options import profile_options
+    from meshtide_codec.command_options import chosen_grid, profile_options
     from meshtide_codec.encoder import encode as encode_mesh
+    from meshtide_codec.merging import merged_by_quantization
     from meshtide_codec.mesh_files import load_scene, mesh_of
     from meshtide_codec.mesh_files.not_kept import notes_of_encoding
     from meshtide_codec.own_streams import check_same_mesh, stream_target
     from meshtide_codec.printable import shown
+    from meshtide_codec.quantize import DEFAULT_B
 
+    grid = chosen_grid(origin, extent, step, bits)
     options = profile_options(
         profile,
-        bits,
+        DEFAULT_B if bits is None else bits,
         {"previews": previews, "slices": slices, "effort": effort},
         {
             "drop_bits": drop_bits,
@@ -125,7 +147,10 @@ def encode(
         scene = load_scene(mesh, kind=mesh_format)
         loaded = mesh_of(scene, mesh, keep_unreferenced=keep_unreferenced or store_order)
         check_same_mesh(target, loaded.mesh, overwrite=overwrite)
-        encoded = encode_mesh(loaded.mesh, options, store_order=store_order, progress=progress)
+        encoded = encode_mesh(loaded.mesh, options, grid=grid, store_order=store_order, progress=progress)
+        progress("merged faces", 1.0)
+        merged = merged_by_quantization(loaded.mesh, encoded.quantized)
+    merged.check(strict=strict)
     data = encoded.to_bytes()
     target.write(data)
     report = _report(encoded.header) | {
@@ -134,9 +159,12 @@ def encode(
         "welded_vertices": encoded.quantized.welded_vertices,
         "dropped_faces": encoded.quantized.dropped_faces,
         "notes": notes_of_encoding(scene, loaded),
+        "merged": merged.plain(),
     }
     for note in report["notes"]:
         typer.echo(f"{shown(mesh.name)}: {shown(note)}", err=True)
+    if merged.noticed:
+        typer.echo(f"warning: {shown(merged.message())}", err=True)
     details = written_report(report_files, mesh, encoded)
     if details is not None:
         report |= details.plain()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,7 @@ from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from meshtide_codec.grid import Grid
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.shown_state import ShownState
     from meshtide_codec.stream.packets import Packet
@@ -58,14 +59,16 @@ def encode(
     mesh: Mesh,
     options: Options | None = None,
     *,
+    grid: Grid | None = None,
     store_order: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> EncodedMesh:
     """Encode `mesh`; the same mesh and options give the same bytes.
 
     Args:
-        mesh: any triangle mesh.
+        mesh: any triangle mesh, also one without faces: a set of points.
         options: `CompactOptions` or `ClassicOptions`; the compact profile's defaults when left out.
+        grid: the grid to round to, where it is not to follow from the mesh alone; its step decides about B.
         store_order: whether the stream also tells how the input's vertices and faces stood, see `order`.
         progress: is called with the name of a stage and the fraction of it that is done.
 
@@ -81,7 +84,12 @@ def encode(
     options = options or CompactOptions()
     if progress is not None:
         progress("quantize", 0.0)
-    quantized = quantize(mesh, options.bits)
+    if grid is None:
+        quantized = quantize(mesh, options.bits)
+    else:
+        placed = grid.placed(mesh, options.bits)
+        options = replace(options, bits=placed.bits)
+        quantized = quantize(mesh, *placed)
     encoding: Encoding
     if isinstance(options, ClassicOptions):
         encoding = ClassicEncoding(quantized, options, progress)

@@ -9,7 +9,7 @@ the number of input vertices and of input faces, then the stream vertex of each 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
     Faces = NDArray[np.integer]
+
+Index = TypeVar("Index", bound=np.integer)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +135,7 @@ def _stream(
     return kernels.StreamFaces(by_row, faces, starts, numbers, vertices, twin_starts, twins, expected)
 
 
-def _turned(faces: Faces, firsts: NDArray[np.int64]) -> Faces:
+def _turned(faces: NDArray[Index], firsts: NDArray[np.integer]) -> NDArray[Index]:
     """The faces (m, 3), each turned so that its corner number `firsts` stands first."""
     return np.take_along_axis(faces, (firsts[:, None] + np.arange(3)) % 3, axis=1)
 

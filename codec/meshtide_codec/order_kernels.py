@@ -85,8 +85,8 @@ def code_faces(
 ) -> Integer:
     """Code the input's faces (k, 3), indices of input vertices.
 
-    `ranks` (k,) tells the row of each, or which of the faces with the same key it is, -1 if the stream has no such face;
-    `keys` (k,) the place of its key. A decoder fills all three arrays.
+    `ranks` (k,) tells the row of each, or which of the faces with the same key it is, -1 if the stream has no such
+    face; `keys` (k,) the place of its key. A decoder fills all three arrays.
     """
     end = len(stream.vertices)
     before = place = next_row = 0

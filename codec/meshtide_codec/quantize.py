@@ -1,8 +1,8 @@
 """Quantization over the unit cube that holds the mesh, and welding of the vertices that meet (paper, section 3).
 
-The cube starts at the mesh's minimum corner and its side is the largest side of the bounding box. Coordinates
-become integers q = rint((v - origin) / extent * (2^B - 1)); vertices with equal q are one vertex from here on.
-The stream's vertex order is the Morton order of q. Cost: O(n log n).
+The cube starts at the mesh's minimum corner and its side is the largest side of the bounding box, unless others are
+given (`grid`). Coordinates become integers q = rint((v - origin) / extent * (2^B - 1)); vertices with equal q are one
+vertex from here on. The stream's vertex order is the Morton order of q. Cost: O(n log n).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 SMALLEST_B = 4
 LARGEST_B = 20
 DEFAULT_B = 12
+ROUNDING = 1e-9  # of a given extent: so far outside a vertex counts as on the border
 
 _SPREAD_STEPS = (
     (32, 0x1F00000000FFFF),
@@ -63,12 +64,20 @@ class QuantizedMesh:
         return Mesh(dequantize(self.positions, self.bits, self.origin, self.extent), self.faces.astype(np.int64))
 
 
-def quantize(mesh: Mesh, bits: int = DEFAULT_B) -> QuantizedMesh:
+def quantize(
+    mesh: Mesh, bits: int = DEFAULT_B, origin: NDArray[np.float64] | None = None, extent: float | None = None
+) -> QuantizedMesh:
     """Round `mesh` to a grid of 2^bits points per axis and weld what falls together.
+
+    Args:
+        mesh: any triangle mesh.
+        bits: B.
+        origin: (3,) position of grid point (0, 0, 0); the mesh's smallest coordinates when left out.
+        extent: length of the grid's side, positive; as much as the mesh needs when left out.
 
     Raises:
         OptionError: `bits` outside 4..20.
-        MeshError: coordinates too large for their differences to be finite.
+        MeshError: coordinates too large for their differences to be finite, or a vertex outside of the given grid.
 
     >>> corner = Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1e-9, 0]], [[0, 1, 2], [3, 1, 2]])
     >>> quantized = quantize(corner, bits=8)
@@ -77,16 +86,20 @@ def quantize(mesh: Mesh, bits: int = DEFAULT_B) -> QuantizedMesh:
     """
     if not SMALLEST_B <= bits <= LARGEST_B:
         raise OptionError(f"B must be {SMALLEST_B}..{LARGEST_B} bits per coordinate, not {bits}")
-    origin = mesh.vertices.min(axis=0)
+    given = origin is not None or extent is not None
+    origin = mesh.vertices.min(axis=0) if origin is None else origin
     with np.errstate(over="ignore"):
-        extent = float((mesh.vertices.max(axis=0) - origin).max())
-    if not np.isfinite(extent):
+        extent = max(0.0, float((mesh.vertices.max(axis=0) - origin).max())) if extent is None else extent
+        end = origin + extent
+    if not np.isfinite(extent) or not np.isfinite(end).all():
         raise MeshError("the mesh is too large: the difference of its coordinates is not a finite number")
+    if given:
+        _check_inside(mesh.vertices, origin, extent)
     scale = grid_steps(bits)
     if extent == 0.0:
         grid = np.zeros(mesh.vertices.shape, np.int64)
     else:
-        grid = np.rint((mesh.vertices - origin) / extent * scale).astype(np.int64)
+        grid = np.clip(np.rint((mesh.vertices - origin) / extent * scale), 0, scale).astype(np.int64)
     _, first, permutation = np.unique(morton_codes(grid), return_index=True, return_inverse=True)
     permutation = permutation.reshape(-1)
     faces = canonical_faces(permutation[mesh.faces].astype(np.int32))
@@ -99,6 +112,23 @@ def quantize(mesh: Mesh, bits: int = DEFAULT_B) -> QuantizedMesh:
         permutation=permutation,
         dropped_faces=len(mesh.faces) - len(faces),
     )
+
+
+def _check_inside(vertices: NDArray[np.float64], origin: NDArray[np.float64], extent: float) -> None:
+    """Raise MeshError unless all vertices lie on the grid, but for rounding."""
+    slack = ROUNDING * extent
+    with np.errstate(over="ignore"):
+        outside = ((vertices < origin - slack) | (vertices > origin + extent + slack)).any(axis=1)
+    if outside.any():
+        bad = int(np.argmax(outside))
+        raise MeshError(
+            f"vertex {bad} at {_point(vertices[bad])} lies outside of the grid, which reaches from {_point(origin)} "
+            f"to {_point(origin + extent)}"
+        )
+
+
+def _point(position: NDArray[np.float64]) -> str:
+    return f"({', '.join(f'{coordinate:.9g}' for coordinate in position)})"
 
 
 def dequantize(

@@ -11,9 +11,10 @@ import pytest
 
 from command_runner import meshtide
 from meshes import grid
-from meshtide_codec.errors import MeshFileError, OptionError, StreamError, TruncatedError
+from meshtide_codec.errors import MeshError, MeshFileError, OptionError, StreamError, TruncatedError
+from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
-from meshtide_codec.stream.container import write_container
+from meshtide_codec.stream.container import read_container, write_container
 from streams import MadeUpStream
 
 if TYPE_CHECKING:
@@ -232,3 +233,40 @@ def test_info_shows_what_a_stranger_wrote_into_a_header_escaped(
         assert not any(character in result.output for character in "\x1b\u202e\xff")
     answer = json.loads(result.stdout, parse_constant=pytest.fail)
     assert answer["profile"] == profile
+
+
+def test_a_grid_can_be_chosen(mesh_file: Path, tmp_path: Path) -> None:
+    chosen = ["--origin", "-10,-10,-10", "--extent", "64"]
+    assert meshtide("encode", mesh_file, "-o", tmp_path / "tile.tide", *chosen).exit_code == 0
+    header, _ = read_container((tmp_path / "tile.tide").read_bytes())
+    assert (header.origin, header.extent) == ((-10.0, -10.0, -10.0), 64.0)
+    stepped = json.loads(meshtide("encode", mesh_file, "--step", "0.01", "--json").stdout)
+    assert stepped["bits"] == 11
+    for wrong in (["--step", "0.01", "-B", "12"], ["--origin", "1,2"], ["--step", "1e-9"], ["--extent", "-1"]):
+        assert isinstance(meshtide("encode", mesh_file, *wrong).exception, OptionError)
+    assert isinstance(meshtide("encode", mesh_file, "--origin", "5,0,0").exception, MeshError)
+
+
+def test_what_quantization_merges_is_told_and_refused_on_request(tmp_path: Path) -> None:
+    patch = grid(30)
+    narrow = tmp_path / "narrow.ply"
+    save_mesh(Mesh(patch.vertices * [1, 1, 0.1], patch.faces), tmp_path / "wide.ply")
+    save_mesh(Mesh(patch.vertices * [200, 1, 1], patch.faces), narrow)
+    result = meshtide("encode", narrow, "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["merged"]["keeping_bits"] > 12
+    assert "warning: quantization at B = 12 merges" in result.stderr
+    assert "merges" not in meshtide("encode", tmp_path / "wide.ply").stderr
+    target = tmp_path / "strict.tide"
+    refused = meshtide("encode", narrow, "--strict", "-o", target)
+    assert isinstance(refused.exception, MeshError)
+    assert not target.exists()
+
+
+def test_a_mesh_whose_faces_all_vanish_is_refused(tmp_path: Path) -> None:
+    patch = grid(30)
+    save_mesh(Mesh(patch.vertices * [1, 1e-4, 0], patch.faces), tmp_path / "flat.ply")
+    refused = meshtide("encode", tmp_path / "flat.ply")
+    assert isinstance(refused.exception, MeshError)
+    assert str(refused.exception).startswith("all 1682 faces vanish at B = 12; B = ")
+    assert not (tmp_path / "flat.tide").exists()

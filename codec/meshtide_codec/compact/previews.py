@@ -42,7 +42,7 @@ FEWEST_VERTICES = 2000
 
 FEWEST_PREVIEW_VERTICES = 8
 FEWEST_BITS = 4
-TANGLED = 500  # nodes of the search tree visited for a point: a surface takes about 50, a fan of 100 000 slivers 350
+TANGLED = 250  # nodes of the search tree visited for a point: a surface takes about 50, a fan of 20 000 slivers 160
 STEP_PER_DISTANCE = 6.5  # longest step of a preview's grid, in root mean square distances of the fit
 LARGEST_EXCESS = 1.5  # vertices of a preview against those wanted: some meshes cannot be simplified that far
 OCTREE_DISTANCE = 0.35  # root mean square distance that an octree level shows, in sides of its cells

@@ -45,17 +45,29 @@ def reference_order(data: bytes) -> tuple[list[int], list[Face]] | None:
     twins: list[list[int]] = [[] for _ in stream.vertices]
     for number, vertex in enumerate(vertices):
         twins[vertex].append(number)
-    rows: list[Face] = []
-    keyed: list[list[Face]] = [[] for _ in stream.vertices]  # the faces of each key, turned to begin there
-    for face in stream.faces.tolist():
-        named = [twins[vertex][0] for vertex in face]
-        first = 0 if by_row else named.index(max(named))
-        rows.append((face[first], face[(first + 1) % 3], face[(first + 2) % 3]))
-        keyed[face[first]].append(rows[-1])
+    rows = [_turned(face, twins, by_row=by_row == 1) for face in stream.faces.tolist()]
+    faces = _faces(decoder, contexts, face_count, (rows, vertices, twins), by_row=by_row == 1)
+    decoder.finish()
+    return vertices, faces
+
+
+def _faces(
+    decoder: RangeDecoder,
+    contexts: Contexts,
+    count: int,
+    known: tuple[list[Face], list[int], list[list[int]]],
+    *,
+    by_row: bool,
+) -> list[Face]:
+    """The input's faces, given the faces of level 0 from their keys on, and how vertices of both sides belong."""
+    rows, vertices, twins = known
+    keyed: list[list[Face]] = [[] for _ in twins]
+    for turned in rows:
+        keyed[turned[0]].append(turned)
     expected = [0] * len(keyed)
     faces: list[Face] = []
     before = place = next_row = 0
-    for _ in range(face_count):
+    for _ in range(count):
         corners = [0, 0, 0]
         if contexts.bit(decoder, VANISHED):
             for corner in range(3):
@@ -82,8 +94,14 @@ def reference_order(data: bytes) -> tuple[list[int], list[Face]] | None:
                 base = TWIN_BEFORE if corner < place else TWIN_BEHIND
                 corners[corner] = _twin(decoder, contexts, base, twins[turned[step]], before)
         faces.append((corners[0], corners[1], corners[2]))
-    decoder.finish()
-    return vertices, faces
+    return faces
+
+
+def _turned(face: list[int], twins: list[list[int]], *, by_row: bool) -> Face:
+    """A face of level 0 that begins at its key."""
+    named = [twins[vertex][0] for vertex in face]
+    first = 0 if by_row else named.index(max(named))
+    return face[first], face[(first + 1) % 3], face[(first + 2) % 3]
 
 
 def _twin(decoder: RangeDecoder, contexts: Contexts, base: int, twins: list[int], key: int) -> int:
