@@ -2,6 +2,7 @@
 
 A stream does not name its source, but it keeps the corner and the side of the mesh's bounding cube exactly, whatever
 the bits, the profile and the effort. Two different meshes that share both to a millionth are taken for versions of one.
+Where the person gave an origin, as adjacent tiles share it, the cube tells nothing of the mesh.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from meshtide_codec.stream.container import MAGIC, ContainerReader
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from meshtide_codec.grid import Grid
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.output_policy import OutputFile
     from meshtide_codec.stream.header import StreamHeader
@@ -57,20 +59,22 @@ def stream_target(mesh: Path, output: Path | None, *, overwrite: bool) -> Output
     return target
 
 
-def check_same_mesh(target: OutputFile, mesh: Mesh, *, overwrite: bool) -> None:
+def check_same_mesh(target: OutputFile, mesh: Mesh, grid: Grid | None = None, *, overwrite: bool) -> None:
     """Make sure, before a mesh is encoded, that a stream that is there was made of it.
 
     Raises:
         OptionError: it was made of another one.
     """
-    if target.replaces and not overwrite and not is_stream_of(target.path, mesh):
+    if target.replaces and not overwrite and not is_stream_of(target.path, mesh, grid):
         raise OptionError(f"{shown(target.path)} is there already, and the stream of another mesh; {REMEDY}")
 
 
-def is_stream_of(path: Path, mesh: Mesh) -> bool:
-    """Whether a file is a stream of `mesh`, with or without the vertices that no face uses."""
+def is_stream_of(path: Path, mesh: Mesh, grid: Grid | None = None) -> bool:
+    """Whether a file is a stream of `mesh` on that grid, with or without the vertices that no face uses."""
+    if grid is not None and grid.origin is not None:
+        return False
     header = _header(path)
-    return header is not None and any(_same_cube(header, each) for each in (mesh, mesh.referenced()))
+    return header is not None and any(_same_cube(header, each, grid) for each in (mesh, mesh.referenced()))
 
 
 def _is_stream(path: Path) -> bool:
@@ -99,11 +103,13 @@ def _header(path: Path) -> StreamHeader | None:
     return reader.header
 
 
-def _same_cube(header: StreamHeader, mesh: Mesh) -> bool:
+def _same_cube(header: StreamHeader, mesh: Mesh, grid: Grid | None) -> bool:
     if not len(mesh.vertices):
         return False
     corner = mesh.vertices.min(axis=0)
     with np.errstate(over="ignore", invalid="ignore"):
         side = float((mesh.vertices.max(axis=0) - corner).max())
+        if grid is not None:
+            side = grid.placed(mesh, header.bits).extent or side
         slack = _SAME * max(side, header.extent)
         return abs(side - header.extent) <= slack and bool(np.abs(corner - header.origin).max() <= slack)

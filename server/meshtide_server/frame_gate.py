@@ -62,7 +62,7 @@ class FrameGate(Gate):
         """The connection; what is written first is the answer to the handshake."""
         door = super().door()
 
-        def answer(data: bytes) -> None:
+        def answer(data: bytes | bytearray | memoryview) -> None:
             door.write = self.transport.write
             self.transport.write(data)
             self.hold(held=False)

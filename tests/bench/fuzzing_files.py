@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 import traceback
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,45 +84,77 @@ def _child(
         number += 1
 
 
+@dataclass
+class _Findings:
+    """What is known so far.
+
+    Args:
+        number: of the file that is being read.
+        done: how many were.
+        ends: how often reading ended in what.
+        problems: a fault each, told once.
+    """
+
+    number: int = 0
+    done: int = 0
+    ends: dict[str, int] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+    places: set[str] = field(default_factory=set)
+
+    def take(self, event: dict[str, Any]) -> None:
+        """A line of the child."""
+        if "begin" in event:
+            self.number = event["begin"]
+        elif "problem" in event:
+            place = event["problem"].rpartition("\n  File")[2]
+            if place not in self.places:
+                self.problems.append(event["problem"])
+                self.places.add(place)
+        else:
+            self.done += 1
+            self.ends[event["end"]] = self.ends.get(event["end"], 0) + 1
+
+    def blame(self, what: str) -> None:
+        """Lay what happened to the child at the door of the file that it read, and go on with the next one."""
+        self.problems.append(f"file {self.number} {what}")
+        self.number += 1
+
+
 def _watch(wanted: int, seconds: float, seed: int) -> dict[str, Any]:
-    started = shown = time.monotonic()
-    problems: list[str] = []
-    known: set[str] = set()
-    seen: dict[str, int] = {}
-    number = done = 0
-    while done < wanted and time.monotonic() < started + seconds and len(problems) < MOST_PROBLEMS:
-        command = [sys.executable, Path(sys.argv[0]).resolve(), "--seed", str(seed), "--child-from", str(number)]
+    started = time.monotonic()
+    found = _Findings()
+
+    def enough() -> bool:
+        late = time.monotonic() > started + seconds
+        return late or found.done >= wanted or len(found.problems) >= MOST_PROBLEMS
+
+    while not enough():
+        command = [sys.executable, Path(sys.argv[0]).resolve(), "--seed", str(seed), "--child-from", str(found.number)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, bufsize=0) as child:
-            assert child.stdout is not None
-            pending = b""
-            while done < wanted and time.monotonic() < started + seconds and len(problems) < MOST_PROBLEMS:
-                if not select.select([child.stdout], [], [], LONGEST_SECONDS)[0]:
-                    problems.append(f"file {number} keeps the reader busy for more than {LONGEST_SECONDS:g} s")
-                    number += 1
-                    break
-                piece = child.stdout.read(65536)
-                if not piece:
-                    problems.append(f"file {number} ended the process with code {child.wait()}")
-                    number += 1
-                    break
-                *lines, pending = (pending + piece).split(b"\n")
-                for line in lines:
-                    event = json.loads(line)
-                    if "begin" in event:
-                        number = event["begin"]
-                    elif "problem" in event:
-                        place = event["problem"].rpartition("\n  File")[2]
-                        if place not in known:
-                            problems.append(event["problem"])
-                            known.add(place)
-                    else:
-                        done += 1
-                        seen[event["end"]] = seen.get(event["end"], 0) + 1
-                if time.monotonic() > shown + 10:
-                    shown = time.monotonic()
-                    print(f"{done} files, {len(problems)} problems", file=sys.stderr)
+            _follow(child, found, enough)
             child.kill()
+    if not found.done:
+        found.problems.append("no file was read")
     taken = round(time.monotonic() - started, 1)
-    if not done:
-        problems.append("no file was read")
-    return {"files": done, "seconds": taken, "ends": dict(sorted(seen.items())), "problems": problems}
+    return {"files": found.done, "seconds": taken, "ends": dict(sorted(found.ends.items())), "problems": found.problems}
+
+
+def _follow(child: subprocess.Popen[bytes], found: _Findings, enough: Callable[[], bool]) -> None:
+    """Take what a child reports until it ends, hangs, or there is enough."""
+    assert child.stdout is not None
+    pending = b""
+    shown = time.monotonic()
+    while not enough():
+        if not select.select([child.stdout], [], [], LONGEST_SECONDS)[0]:
+            found.blame(f"keeps the reader busy for more than {LONGEST_SECONDS:g} s")
+            return
+        piece = child.stdout.read(65536)
+        if not piece:
+            found.blame(f"ended the process with code {child.wait()}")
+            return
+        *lines, pending = (pending + piece).split(b"\n")
+        for line in lines:
+            found.take(json.loads(line))
+        if time.monotonic() > shown + 10:
+            shown = time.monotonic()
+            print(f"{found.done} files, {len(found.problems)} problems", file=sys.stderr)

@@ -66,6 +66,24 @@ _TYPES = {5120: "b", 5121: "B", 5122: "h", 5123: "H", 5125: "I", 5126: "f"}
 _SHAPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
+def _world(gltf: Any, node: int) -> Any:
+    row = gltf["nodes"][node]
+    if "matrix" in row:
+        local = np.array(row["matrix"], float).reshape(4, 4).T
+    else:
+        x, y, z, w = row.get("rotation", [0, 0, 0, 1])
+        turn = np.array([
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ])  # fmt: skip
+        local = np.eye(4)
+        local[:3, :3] = turn * np.array(row.get("scale", [1, 1, 1]))
+        local[:3, 3] = row.get("translation", [0, 0, 0])
+    parents = [i for i, other in enumerate(gltf["nodes"]) if node in other.get("children", [])]
+    return _world(gltf, parents[0]) @ local if parents else local
+
+
 def read_glb(path: Path) -> Table:
     """All triangles that are shown; nodes are multiplied out, skins in their bind pose."""
     data = path.read_bytes()
@@ -87,23 +105,6 @@ def read_glb(path: Path) -> Table:
     polygons: list[list[int]] = []
     wedges: set[tuple[int, ...]] = set()
 
-    def world(node: int) -> Any:
-        row = gltf["nodes"][node]
-        if "matrix" in row:
-            local = np.array(row["matrix"], float).reshape(4, 4).T
-        else:
-            x, y, z, w = row.get("rotation", [0, 0, 0, 1])
-            turn = np.array([
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ])  # fmt: skip
-            local = np.eye(4)
-            local[:3, :3] = turn * np.array(row.get("scale", [1, 1, 1]))
-            local[:3, 3] = row.get("translation", [0, 0, 0])
-        parents = [i for i, other in enumerate(gltf["nodes"]) if node in other.get("children", [])]
-        return world(parents[0]) @ local if parents else local
-
     def below(number: int) -> list[int]:
         return [number, *(one for child in gltf["nodes"][number].get("children", []) for one in below(child))]
 
@@ -114,11 +115,13 @@ def read_glb(path: Path) -> Table:
         for primitive in gltf["meshes"][node["mesh"]]["primitives"]:
             held = primitive["attributes"]
             points = accessor(held["POSITION"]).astype(float)
-            matrix = world(number)
+            matrix = _world(gltf, number)
             if "skin" in node:
                 skin = gltf["skins"][node["skin"]]
                 inverse = accessor(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1).astype(float)
-                joints = np.array([world(joint) @ bind for joint, bind in zip(skin["joints"], inverse, strict=True)])
+                joints = np.array(
+                    [_world(gltf, joint) @ bind for joint, bind in zip(skin["joints"], inverse, strict=True)]
+                )
                 weights = accessor(held["WEIGHTS_0"]).astype(float)
                 posed = (joints[accessor(held["JOINTS_0"])] * weights[:, :, None, None]).sum(axis=1)
                 points = np.einsum("nij,nj->ni", posed[:, :3], np.c_[points, np.ones(len(points))])

@@ -7,6 +7,7 @@ import pytest
 
 from meshes import grid
 from meshtide_codec.errors import OptionError
+from meshtide_codec.grid import Grid
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.own_streams import check_same_mesh, is_stream_of, stream_target
@@ -40,6 +41,20 @@ def test_a_stream_is_known_by_the_cube_of_its_mesh(tmp_path: Path) -> None:
     loose = Mesh(np.vstack([mesh.vertices, [[9.0, 9.0, 9.0]]]), mesh.faces)
     assert is_stream_of(stream, loose)
     assert not is_stream_of(stream, Mesh(np.empty((0, 3)), np.empty((0, 3), np.int64)))
+
+
+def test_on_a_chosen_grid_the_cube_tells_the_mesh_unless_tiles_share_its_origin(tmp_path: Path) -> None:
+    from meshtide_codec.classic.options import ClassicOptions
+    from meshtide_codec.encoder import encode
+
+    mesh, stream = grid(4), tmp_path / "a.tide"
+    stepped, shared = Grid(step=0.01), Grid(origin=(-9.0, -9.0, -9.0), extent=20.0)
+    stream.write_bytes(encode(mesh, ClassicOptions(bits=8), grid=stepped).to_bytes())
+    assert is_stream_of(stream, mesh, stepped)
+    assert not is_stream_of(stream, mesh, Grid(step=0.5))
+    assert not is_stream_of(stream, Mesh(mesh.vertices + 1.0, mesh.faces), stepped)
+    stream.write_bytes(encode(mesh, ClassicOptions(bits=8), grid=shared).to_bytes())
+    assert not is_stream_of(stream, mesh, shared)
 
 
 def test_what_is_no_whole_header_is_a_stream_of_nothing(tmp_path: Path) -> None:
