@@ -42,8 +42,8 @@ class Pose:
     otherwise: Floats
 
 
-def pose(document: Document, accessors: Accessors, skin: int, worlds: Sequence[Floats], node: int) -> Pose:
-    """The bind pose of a skin, for the mesh of a node.
+def joint_matrices(document: Document, accessors: Accessors, skin: int, worlds: Sequence[Floats], node: int) -> Floats:
+    """The matrices (j, 4, 4) of the joints of a skin that a node names, in its bind pose.
 
     Raises:
         MeshFileError: the skin names what is not there.
@@ -62,7 +62,7 @@ def pose(document: Document, accessors: Accessors, skin: int, worlds: Sequence[F
         with np.errstate(all="ignore"):  # what overflows is refused where vertices are checked
             stored = accessors.real(inverse, where)[: len(joints)]
             matrices = matrices @ stored.reshape(-1, 4, 4).transpose(0, 2, 1)
-    return Pose(matrices, worlds[node])
+    return matrices
 
 
 def posed(
@@ -96,11 +96,12 @@ def posed(
 
 
 def _blended(piece: slice, sets: Sequence[tuple[Table, Table]], pose: Pose, where: str) -> Floats:
-    """The matrices (k, 4, 4) that move the vertices of a piece."""
+    """The matrices (k, 3, 4) that move the vertices of a piece."""
     count = piece.stop - piece.start
     if not sets:
-        return np.broadcast_to(pose.otherwise, (count, 4, 4))
-    matrices = np.zeros((count, 4, 4))
+        return np.broadcast_to(pose.otherwise[:3], (count, 3, 4))
+    flat = pose.joints[:, :3].reshape(-1, 12)
+    matrices = np.zeros((count, 12))
     total = np.zeros(count)
     first = np.zeros(count, np.int64)
     for number, (joint_table, weight_table) in enumerate(sets):
@@ -112,11 +113,11 @@ def _blended(piece: slice, sets: Sequence[tuple[Table, Table]], pose: Pose, wher
         first = joints[:, 0] if number == 0 else first
         total += weights.sum(axis=1)
         for column in range(joints.shape[1]):
-            matrices += weights[:, column, None, None] * pose.joints[joints[:, column]]
+            matrices += weights[:, column, None] * flat[joints[:, column]]
     free = total == 0  # a vertex of no joint goes with the first
-    matrices[free] = pose.joints[first[free]]
-    matrices /= np.where(free, 1, total)[:, None, None]
-    return matrices
+    matrices[free] = flat[first[free]]
+    matrices /= np.where(free, 1, total)[:, None]
+    return matrices.reshape(count, 3, 4)
 
 
 def mirrors(pose: Pose) -> bool:

@@ -122,6 +122,7 @@ class _Made:
     roots: list[int] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
     _known: dict[tuple[int, tuple[float, ...], tuple[int, int] | None], int] = field(default_factory=dict)
+    _joints: dict[int, NDArray[np.float64]] = field(default_factory=dict)
     _instances: dict[object, NDArray[np.float64]] = field(default_factory=dict)
 
     def place_all(self) -> None:
@@ -136,7 +137,7 @@ class _Made:
                 if index not in shown:
                     geometry = self._geometry(place.mesh, self._weights(place.mesh), None, None)
                 elif place.skin is not None:
-                    pose = deformation.pose(self.document, self.accessors, place.skin, worlds, index)
+                    pose = self._pose(place.skin, worlds, index)
                     weights = self._weights(place.mesh, place, f"nodes[{index}]")
                     baked = self._geometry(place.mesh, weights, (place.skin, index), pose)
                     skinned.append(Node(baked, name=name))
@@ -155,6 +156,13 @@ class _Made:
                 self._geometry(mesh, self._weights(mesh), None, None)
         self.roots = [*self.graph.roots, *range(len(self.nodes), len(self.nodes) + len(skinned))]
         self.nodes += skinned
+
+    def _pose(self, skin: int, worlds: list[NDArray[np.float64]], node: int) -> deformation.Pose:
+        """The bind pose of a skin, for the mesh of a node; its joints are looked up once."""
+        if skin not in self._joints:
+            found = deformation.joint_matrices(self.document, self.accessors, skin, worlds, node)
+            self._joints[skin] = found
+        return deformation.Pose(self._joints[skin], worlds[node])
 
     def _weights(self, mesh: int, place: Place | None = None, where: str = "") -> tuple[float, ...]:
         """The weights of morph targets: those of the node that shows the mesh, or else the mesh's own."""
