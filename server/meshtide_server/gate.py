@@ -10,7 +10,10 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PIECES_A_TURN = 16
 """Pieces that are handed on before others have their turn."""
@@ -25,7 +28,7 @@ class Door:
     def __init__(self, transport: asyncio.Transport, gate: Gate) -> None:
         self.outside = transport
         self._gate = gate
-        self.write = transport.write  # called for every piece that is sent
+        self.write: Callable[[bytes], None] = transport.write  # called for every piece that is sent
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the transport has
         return getattr(self.outside, name)

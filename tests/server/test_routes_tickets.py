@@ -22,4 +22,4 @@ async def test_only_post_gives_tickets(folder: Path) -> None:
     app = create_app(Settings(directory=folder))
     async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://test") as client:
         answer = await client.get("/tickets")
-    assert (answer.status_code, answer.headers["allow"]) == (405, "POST")
+    assert (answer.status_code, answer.headers["allow"]) == (405, "OPTIONS, POST")

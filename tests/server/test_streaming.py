@@ -280,7 +280,7 @@ def test_no_credit_in_time(serve: Callable[[Settings], LiveServer], folder: Path
         connection.send(hello("small", credit=100))
         for _ in range(3):
             time.sleep(0.05)
-            connection.send(encode_message(Credit(0)))  # talk without credit does not count
+            connection.ping()  # talk without credit does not count
         error, closed = refusal(connection)
     assert (error.code, close_code(closed)) == ("timeout", 1008)
     assert "no credit" in error.message
