@@ -17,7 +17,7 @@ $(VENV)/test.done: pyproject.toml
 	touch $@
 
 demo: $(VENV)/demo.done ## Watch the Stanford bunny arrive over a websocket, coarse to fine.
-	$(BIN)/meshtide demo
+	$(BIN)/meshtide demo --overwrite
 
 lint: $(VENV)/test.done ## Linter, formatter and type checker.
 	$(BIN)/ruff check .

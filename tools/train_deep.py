@@ -32,6 +32,7 @@ from meshtide_codec.compact.models import (
 )
 from meshtide_codec.compact.slices import Slices
 from meshtide_codec.mesh_files import load_mesh
+from meshtide_codec.output_policy import output_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -122,6 +123,7 @@ def main() -> None:
     parser.add_argument("--test", nargs="*", type=Path, default=[])
     parser.add_argument("--output", type=Path, required=True)
     arguments = parser.parse_args()
+    output_file(arguments.output, [*arguments.meshes, *arguments.test], overwrite=True)
     octrees = training_octrees([load_mesh(path) for path in arguments.meshes])
     map_models = train(octrees, untrained_deep_map_models(), code_maps)
     diff_models = train(octrees, untrained_deep_diff_models(), code_diffs)

@@ -26,6 +26,7 @@ from meshtide_codec.compact.octree import Octree, build_octree
 from meshtide_codec.compact.slices import Slices
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh
+from meshtide_codec.output_policy import output_file
 from meshtide_codec.quantize import quantize
 
 ROUNDS = 4
@@ -156,6 +157,7 @@ def main() -> None:
     parser.add_argument("--test", nargs="*", type=Path, default=[])
     parser.add_argument("--output", type=Path, required=True)
     arguments = parser.parse_args()
+    output_file(arguments.output, [*arguments.meshes, *arguments.test], overwrite=True)
     meshes = [load_mesh(path) for path in arguments.meshes]
     tests = {path.name: load_mesh(path) for path in arguments.test}
     octrees = training_octrees(meshes)

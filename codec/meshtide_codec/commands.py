@@ -173,7 +173,7 @@ def decode(
     from meshtide_codec.decoder import Decoder
     from meshtide_codec.errors import OptionError
     from meshtide_codec.mesh_files import save_mesh
-    from meshtide_codec.mesh_files.write import check_format
+    from meshtide_codec.mesh_files.write import format_of
     from meshtide_codec.output_policy import output_file
     from meshtide_codec.permutation import in_input_order
     from meshtide_codec.printable import shown
@@ -181,8 +181,7 @@ def decode(
 
     path = output or stream.with_suffix(".decoded.ply")
     target = output_file(path, [stream], overwrite=overwrite, standard_output=True)
-    kind = kind or ("ply" if target.is_standard_output else None)
-    check_format(target.path, kind)
+    kind = format_of(target.path, kind)
     header, packets, problem = read_available(stream.read_bytes())
     if problem is not None and not partial:
         raise problem

@@ -82,6 +82,11 @@ def move_into_place(finished: Path, path: Path, *, replace: bool = True) -> None
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
+def is_standard_output(path: Path | str) -> bool:
+    """Whether what is written to `path` comes out of this process's standard output: ``-``, ``/dev/stdout``."""
+    return str(path) == STANDARD_OUTPUT or _descriptor(Path(path)) == 1
+
+
 def is_written_in_place(path: Path) -> bool:
     """Whether `path` is a pipe, a device or a descriptor: something that bytes go into and that is not replaced.
 

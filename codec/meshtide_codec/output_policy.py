@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import OptionError
-from meshtide_codec.output_files import STANDARD_OUTPUT, is_written_in_place, write_output
+from meshtide_codec.output_files import STANDARD_OUTPUT, is_standard_output, is_written_in_place, write_output
 from meshtide_codec.printable import shown
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class OutputFile:
     @property
     def is_standard_output(self) -> bool:
         """Whether it is standard output, so that messages have to go elsewhere."""
-        return str(self.path) == STANDARD_OUTPUT
+        return is_standard_output(self.path)
 
     def write(self, data: bytes) -> None:
         """Write it whole, or not at all.

@@ -22,6 +22,7 @@ import uvicorn
 
 from meshtide_codec.errors import TransferError
 from meshtide_codec.output_files import write_atomically
+from meshtide_codec.output_policy import output_file
 from meshtide_server import metrics
 from meshtide_server.app import create_app
 from meshtide_server.connections import HttpProtocol, WebSocketProtocol
@@ -126,6 +127,15 @@ class Announcement:
                 sys.stdout.flush()
 
 
+def is_announcement(path: Path) -> bool:
+    """Whether a file holds what a server that was killed has left, or nothing: it may be written."""
+    try:
+        content = path.read_bytes()
+        return not content or set(json.loads(content)) == {"url"}
+    except (OSError, ValueError, TypeError):
+        return False
+
+
 def run(settings: Settings, *, announce: bool = False, ready_file: Path | None = None) -> None:
     """Serve until SIGTERM or SIGINT comes.
 
@@ -135,8 +145,11 @@ def run(settings: Settings, *, announce: bool = False, ready_file: Path | None =
         ready_file: where to write the same, or None.
 
     Raises:
+        OptionError: the ready file cannot be made, or is there and not what a server has left.
         AddressError: the address is taken, or not of this machine.
     """
+    if ready_file is not None:
+        output_file(ready_file, own=is_announcement)
     listener = bind(settings.host, settings.port)
     with listener:
         app = create_app(settings)
@@ -154,7 +167,7 @@ def run(settings: Settings, *, announce: bool = False, ready_file: Path | None =
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
-            if ready_file is not None:
+            if ready_file is not None and ready_file.is_file():
                 with suppress(OSError):
                     ready_file.unlink()
 

@@ -35,6 +35,15 @@ def test_the_end_is_a_line_or_a_json_object(capsys: pytest.CaptureFixture[str]) 
     }
 
 
+def test_names_and_errors_steer_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    result = Ingested(Path("\x1b[31m\udcff\u202e.ply"), None, "failed", "face \x9b31m")
+    with IngestDisplay(1, quiet=False) as display:
+        display.tell(result)
+    assert capsys.readouterr().err.strip() == r"\x1b[31m\udcff\u202e.ply: face \x9b31m"
+    print_ingested([result], {}, as_json=True)
+    assert json.loads(capsys.readouterr().out)["files"][0]["file"] == "\x1b[31m\\udcff\u202e.ply"
+
+
 @pytest.mark.parametrize("quiet", [False, True])
 def test_failures_are_told_as_they_come_unless_they_come_as_json(
     quiet: bool, capsys: pytest.CaptureFixture[str]

@@ -158,3 +158,10 @@ def test_every_file_is_told_or_sent_and_no_content_twice(
     assert len(set(replaced)) == len(replaced)
     there = {row.source for row in known if row.status != "failed"}
     assert replace or all(row.digest not in there for row in sent)
+
+
+def test_names_are_compared_as_they_are_listed(tmp_path: Path) -> None:
+    path = tmp_path / "caf\udce9\n.ply"
+    path.write_text("new")
+    rows = [Row("cafe", r"caf\udce9\n.ply", digest("old"))]
+    assert decided([path], rows, replace=True)[0] == [Sending(path, digest("new"), "cafe")]

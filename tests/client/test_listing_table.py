@@ -39,3 +39,10 @@ def test_tags_are_a_column_where_there_are_any() -> None:
     text = shown(replace(READY, tags=("clay", "scan")))
     assert "clay, scan" in text
     assert "tags" not in shown(READY)
+
+
+def test_nothing_in_a_list_steers_the_terminal() -> None:
+    text = shown(HostedMesh("a\x1b[31m", "n", "failed", None, 0.0, "\u202e\x07\udcff", 1, 1, 1, 1, tags=("t\n",)))
+    assert r"a\x1b[31m" in text
+    assert r"failed: \u202e\x07\udcff" in text
+    assert r"t\n" in text

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import unicodedata
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshtide_codec.printable import ELLIPSIS, LONGEST_TEXT, printable
+from meshtide_codec.printable import ELLIPSIS, LONGEST_NAME, LONGEST_TEXT, encodable, listed_name, printable, shown
 
 ANY_TEXT = st.text(st.characters(codec=None), max_size=60)
 BIDI = "\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
@@ -56,3 +57,25 @@ def test_a_long_text_ends_in_an_ellipsis_and_no_escape_is_cut() -> None:
     assert printable("x" * (LONGEST_TEXT + 1)) == "x" * (LONGEST_TEXT - 1) + ELLIPSIS
     assert printable("abc\x1bdef", 6) == "abc" + ELLIPSIS
     assert printable("\x1b", 1) == ELLIPSIS
+
+
+@given(ANY_TEXT.filter(lambda name: "/" not in name and "\0" not in name))
+def test_listed_names_are_short_printable_and_keep_their_suffix(name: str) -> None:
+    for suffix in (".ply", ".x" + "\x1b" * 100):
+        listed = listed_name(Path(f"a{name * 9}{suffix}"))
+        assert len(listed) <= LONGEST_NAME
+        assert printable(listed) == listed
+        assert listed.endswith(".ply") or suffix != ".ply"
+
+
+@given(ANY_TEXT)
+def test_encodable_text_differs_in_surrogates_only(text: str) -> None:
+    assert encodable(text).encode("utf-8").decode("utf-8") == encodable(text)
+    assert encodable(text) == "".join(
+        f"\\u{ord(letter):x}" if "\ud800" <= letter <= "\udfff" else letter for letter in text
+    )
+
+
+def test_anything_is_shown() -> None:
+    assert shown(Path("a") / "b\t") == r"a/b\t"
+    assert shown(7) == "7"

@@ -26,7 +26,7 @@ from meshtide_codec.stream.messages import (
     encode_message,
 )
 from meshtide_server.app import create_app
-from meshtide_server.serving import AddressError, bind, configuration, url_of
+from meshtide_server.serving import AddressError, bind, configuration, is_announcement, url_of
 from meshtide_server.settings import Settings
 
 from .conftest import make_stream
@@ -185,6 +185,23 @@ def test_ready_file_lasts_as_long_as_the_server(
     assert json.loads(path.read_text()) == {"url": server.url}
     assert server.end(signal.SIGTERM)[0] == 0
     assert not path.exists()
+
+
+def test_a_ready_file_takes_the_place_of_nothing_else(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "notes.json"
+    for content in ("my notes", '{"url": "x", "mine": 1}', "[1]", "7"):
+        path.write_text(content)
+        assert not is_announcement(path)
+    done = subprocess.run(
+        command(folder, "--port", 0, "--ready-file", path), capture_output=True, text=True, check=False, timeout=30
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"meshtide: {path} is there already")
+    assert path.read_text() == "7"
+    for content in ("", '{"url": "http://127.0.0.1:8000"}\n'):
+        path.write_text(content)
+        assert is_announcement(path)
+    assert not is_announcement(tmp_path)
 
 
 def test_a_port_that_is_taken_is_one_line_and_code_5(folder: Path) -> None:

@@ -9,7 +9,13 @@ from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.formats import Written, writer_of
 from meshtide_codec.mesh_files.other_formats import write_other
 from meshtide_codec.mesh_files.source import format_suffix
-from meshtide_codec.output_files import STANDARD_OUTPUT, write_atomically, write_output
+from meshtide_codec.output_files import (
+    STANDARD_OUTPUT,
+    is_standard_output,
+    is_written_in_place,
+    write_atomically,
+    write_output,
+)
 from meshtide_codec.scene import Scene
 
 if TYPE_CHECKING:
@@ -59,14 +65,25 @@ def save_mesh(mesh: Mesh, path: Path | str, *, kind: str | None = None, replace:
     save_scene(Scene.of(mesh), path, kind=kind, replace=replace)
 
 
-def check_format(path: Path, kind: str | None = None) -> None:
-    """Make sure, before any work, that something tells the format of a mesh file.
+def format_of(path: Path, kind: str | None = None) -> str:
+    """The format of a mesh file that is to be written, so that it is known before any work.
+
+    Args:
+        path: its name; what is no regular file is a PLY file unless its name tells something else.
+        kind: the format, in place of what the name tells.
 
     Raises:
-        MeshFileError: neither its name nor `kind` does.
+        MeshFileError: neither tells it.
+
+    >>> format_of(Path("a.OBJ")), format_of(Path("a.obj"), "off"), format_of(Path("-"))
+    ('obj', 'off', 'ply')
     """
-    if not _suffix(path, kind).lstrip("."):
+    suffix = _suffix(path, kind).lstrip(".")
+    if not suffix and (is_standard_output(path) or is_written_in_place(path)):
+        return "ply"
+    if not suffix:
         raise MeshFileError(f"cannot write {path}: its name has no ending that tells the format, such as .ply")
+    return suffix
 
 
 def _suffix(path: Path, kind: str | None) -> str:
