@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _QUAD = 4
 _DIAGONALS = np.array([[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]])
-_CORNERS_AT_ONCE = 1 << 16
+_CORNERS_AT_ONCE = 1 << 13
 """Cutting takes some 200 bytes a corner, but only for so many at once."""
 _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
@@ -71,23 +71,22 @@ def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corne
     parts: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []  # polygons and their triangles
     degenerate = int((counts < 3).sum())
     for size in np.unique(counts[counts >= 3]).tolist():
-        chosen = np.flatnonzero(counts == size)
-        places = starts[chosen, None] + np.arange(size)
-        if size == 3:
-            parts.append((chosen, places))
-            continue
-        few = _few_vertices(corners[places])
-        degenerate += int(few.sum())
-        chosen, places = chosen[~few], places[~few]
+        of_size = np.flatnonzero(counts == size)
         step = max(1, _CORNERS_AT_ONCE // size)
-        for begin in range(0, len(chosen), step):
-            some = places[begin : begin + step]
-            parts += _cut(vertices[corners[some]], chosen[begin : begin + step], some)
+        for chosen in (of_size[begin : begin + step] for begin in range(0, len(of_size), step)):
+            places = starts[chosen, None] + np.arange(size)
+            if size == 3:
+                parts.append((chosen, places))
+                continue
+            few = _few_vertices(corners[places])
+            degenerate += int(few.sum())
+            places = places[~few]
+            parts += _cut(vertices[corners[places]], chosen[~few], places)
     if not parts:
         return Triangulation(np.zeros((0, 3), np.int64), np.zeros(0, np.int64), None, degenerate)
     polygon = np.concatenate([one for one, _ in parts])
     triangles = np.concatenate([one for _, one in parts])
-    del parts
+    parts.clear()
     if (polygon[1:] < polygon[:-1]).any():
         order = np.argsort(polygon, kind="stable")
         polygon, triangles = polygon[order], triangles[order]
