@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import tracemalloc
 from typing import Any
 
@@ -175,36 +174,6 @@ def test_what_is_left_out_is_told(data: bytes, note: str) -> None:
     assert [line.startswith(note) for line in notes] == [True]
 
 
-def binary(header: bytes, *rows: tuple[str, list[float]]) -> bytes:
-    return header + b"\n" + b"".join(struct.pack(f">{kind}", *numbers) for kind, numbers in rows)
-
-
-def test_binary_files() -> None:
-    points: list[tuple[str, list[float]]] = [("3f", point) for point in SQUARE]
-    faces: list[tuple[str, list[float]]] = [("5i", [3, 0, 1, 2, 0]), ("6i3f", [4, 0, 1, 2, 3, 3, 0.5, 1, 0])]
-    mesh, notes = read(binary(b"OFF BINARY", ("3i", [4, 2, 0]), *points, *faces))
-    assert mesh.vertices.tolist() == SQUARE
-    assert mesh.polygons_as_lists() == [[0, 1, 2], [0, 1, 2, 3]]
-    assert values(mesh, "COLOR_0") == [[0.5, 1, 0]]
-    assert notes == []
-    same = [("5i", [3, 0, 1, 2, 0]), ("5i", [3, 0, 2, 3, 0])]
-    mesh, notes = read(b"# by hand\n" + binary(b"nOFF BINARY\r", ("4i", [3, 4, 2, 0]), *points, *same) + b"end")
-    assert mesh.faces.tolist() == FACES
-    assert notes == ["3 bytes follow the last face: left out"]
-
-
-@pytest.mark.parametrize("size", [3, 4])
-def test_binary_colours_of_vertices(size: int) -> None:
-    row = [0.0, 0, 0, 0, 0, 1, *[0.5, 1, 0, 0.25][:size], 0.75, 0.5]
-    rows: list[tuple[str, list[float]]] = [(f"{len(row)}f", row)] * 3
-    mesh, _ = read(binary(b"STCNOFF BINARY", ("3i", [3, 1, 0]), *rows, ("5i", [3, 0, 1, 2, 0])))
-    assert values(mesh, "NORMAL") == [[0, 0, 1]] * 3
-    assert values(mesh, "COLOR_0") == [[0.5, 1, 0, 0.25][:size]] * 3
-    assert values(mesh, "TEXCOORD_0") == [[0.75, 0.5]] * 3
-
-
-BINARY = binary(b"OFF BINARY", ("3i", [3, 2, 0]), ("9f", [0.0] * 9), ("5i", [3, 0, 1, 2, 0]), ("2i", [0, 0]))
-
 REFUSED: dict[str, tuple[bytes, str]] = {
     "nothing": (b"", "does not begin with OFF"),
     "another word": (b"hello\n", "does not begin with OFF"),
@@ -217,7 +186,6 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "a count of no file": (b"OFF " + b"9" * 300 + b" 1 0\n", "does not tell its numbers"),
     "other dimensions": (b"nOFF\n5\n3 1 0\n", "5 dimensions .nOFF."),
     "no dimension": (b"nOFF\nx\n", "no number follows"),
-    "other dimensions, binary": (binary(b"nOFF BINARY", ("4i", [4, 3, 1, 0])), "4 dimensions"),
     "a trillion vertices": (b"OFF\n1000000000000 1 0\n", "claims 1000000000000 vertices; 1000 are the most"),
     "faces over the limit": (b"OFF\n3 2001 0\n", "claims 2001 faces"),
     "triangles over the limit": (b"OFF 3 1 0\n" + b"0 0 0\n" * 3 + b"2003" + b" 0" * 2003 + b"\n", "claims 2001 faces"),
@@ -245,12 +213,6 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "a word for a coordinate": (b"OFF 4 2 0\n" + ROWS.replace(b"1 1 0", b"1 x 0"), "line 4: .* where 'x' stands"),
     "two numbers in one": (b"OFF 4 2 0\n" + ROWS.replace(b"1 1 0", b"1 1-2 0"), "line 4: .* where '1-2' stands"),
     "a word for a corner": (b"OFF 4 2 0\n" + ROWS.replace(b"0 1 2", b"0 y 2"), "line 6: .* where 'y' stands"),
-    "binary, cut in its counts": (BINARY[:20], "ends within its counts"),
-    "binary, below zero": (binary(b"OFF BINARY", ("3i", [-1, 1, 0])), "declares -1 vertices and 1 faces"),
-    "binary, two billion": (binary(b"OFF BINARY", ("3i", [2**31 - 1, 1, 0])), "claims 2147483647 vertices"),
-    "binary, rows missing": (binary(b"OFF BINARY", ("3i", [900, 5, 0])), "900 vertices and 5 faces .*, 0 bytes follow"),
-    "binary, a corner too high": (BINARY[:-20] + struct.pack(">5i", 1, 3, 0, 0, 0), "face 0 names vertex 3"),
-    "binary, a colour of seven": (BINARY[:-12] + struct.pack(">3i", 7, 0, 0), "colour of 7 values"),
 }
 
 
@@ -261,7 +223,7 @@ def test_what_is_refused(case: str) -> None:
         read(data)
 
 
-@pytest.mark.parametrize("case", ["a trillion vertices", "binary, two billion", "rows missing", "binary, rows missing"])
+@pytest.mark.parametrize("case", ["a trillion vertices", "rows missing"])
 def test_a_bomb_is_refused_before_memory_is_taken(case: str) -> None:
     data, _ = REFUSED[case]
     huge = FileLimits(vertices=1 << 60, faces=1 << 60)
@@ -301,8 +263,6 @@ WHOLE = [
     b"OFF 4 2 0\n" + ROWS,
     b"COFF\n3 1 3\n" + b"0.5 1 -2 255 128 0\n" * 3 + b"3 0 1 2 0.5 0.25 1 1\n",
     b"OFF 4 2 0 " + ROWS.replace(b"\n", b" ") + b"\n",
-    BINARY,
-    binary(b"COFF BINARY", ("3i", [3, 1, 0]), ("21f", [0.5] * 21), ("5i4f", [3, 0, 1, 2, 4, 1, 1, 1, 1])),
 ]
 
 
@@ -316,7 +276,6 @@ def test_a_file_that_is_cut_off_anywhere_is_refused_or_told(data: bytes) -> None
         except MeshFileError:
             continue
         read_anyway += 1
-        assert b"BINARY" not in data
         assert any("its last line has no end" in note for note in notes)
         assert len(mesh.faces) == len(whole.faces)
     assert read_anyway <= 18  # cuts within the last row's last number or its colour

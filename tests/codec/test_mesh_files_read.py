@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import gzip
 import struct
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from meshes import grid
 from meshtide_codec.errors import MeshError, MeshFileError
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh import Mesh
@@ -16,6 +18,7 @@ from meshtide_codec.mesh_files import is_mesh_path, load_mesh, load_scene, mesh_
 from meshtide_codec.mesh_files.formats import SUFFIXES, content_kind, reader_of, writer_of
 from meshtide_codec.mesh_files.read import read_source
 from meshtide_codec.mesh_files.source import Source
+from meshtide_codec.mesh_files.stl import write_stl
 from meshtide_codec.scene import Node, Scene
 
 OFF = b"OFF 4 1 0\n0 0 0\n9 9 9\n1 0 0\n0 1 0\n3 0 2 3\n"
@@ -147,3 +150,38 @@ def test_errors_name_the_file(tmp_path: Path) -> None:
         load_mesh(path)
     with pytest.raises(FileNotFoundError):
         load_mesh(tmp_path / "none.off")
+
+
+def patch_as(kind: str, side: int = 150) -> bytes:
+    """A patch of quadrilaterals or triangles, far from the origin, as text or in binary form."""
+    mesh = grid(side)
+    points = mesh.vertices + np.array([1000, 2000, 3000])
+    if kind == "binary.stl":
+        return write_stl(Scene.of(Mesh(points, mesh.faces)), "a.stl").data
+    if kind == "text.stl":
+        corners = "".join(
+            "facet normal 0 0 1\nouter loop\n" + "vertex %.9g %.9g %.9g\n" * 3 + "endloop\nendfacet\n"
+            for _ in mesh.faces
+        )
+        return ("solid\n" + corners % tuple(points[mesh.faces].reshape(-1)) + "endsolid\n").encode()
+    half = len(mesh.faces) // 2
+    faces = (
+        mesh.faces if kind == "triangles.off" else np.column_stack([mesh.faces[:half, :2], mesh.faces[half:, [2, 0]]])
+    )
+    rows = [f"{x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in points.tolist()]
+    rows += [" ".join(map(str, [len(face), *face])) + "\n" for face in faces.tolist()]
+    return f"OFF\n{len(points)} {len(faces)} 0\n{''.join(rows)}".encode()
+
+
+@pytest.mark.parametrize("kind", ["triangles.off", "quads.off", "binary.stl", "text.stl"])
+def test_reading_takes_at_most_six_times_the_file(kind: str) -> None:
+    data = patch_as(kind)
+    source = Source(kind, f".{kind[-3:]}", data)
+    faces = read_source(source, FileLimits()).counts()[1]  # modules and tables that stay are loaded
+    assert faces == 2 * 149 * 149
+    tracemalloc.start()
+    try:
+        read_source(source, FileLimits())
+        assert tracemalloc.get_traced_memory()[1] < 6 * len(data)
+    finally:
+        tracemalloc.stop()

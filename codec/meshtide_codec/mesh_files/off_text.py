@@ -189,7 +189,7 @@ def _faces(
         try:
             begins, counts, color_counts = way(values, lines, faces)
             check_triangles(counts, limits)
-            corners = _whole(values[pieces(begins + 1, counts)])
+            corners = _whole(_corners(values, begins, counts))
             check_corners(counts, corners, vertices, place)
             break
         except _OtherwiseError:
@@ -209,6 +209,14 @@ def _faces(
     if start + end < words.count:
         notes.append(f"{words.count - start - end} words follow the last face: left out")
     return counts, corners, color_counts, colors
+
+
+def _corners(values: _Values, begins: NDArray[np.int64], counts: NDArray[np.int64]) -> _Values:
+    """The corners of faces; those of rows of one length are taken at once, in less memory."""
+    size = int(counts[0]) + 1 if len(counts) else 1
+    if (counts == size - 1).all() and (begins == np.arange(len(counts)) * size).all():
+        return values[: len(counts) * size].reshape(-1, size)[:, 1:].reshape(-1)
+    return values[pieces(begins + 1, counts)]
 
 
 class _OtherwiseError(Exception):

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from meshtide_codec.limits import FileLimits
 
 _BLANK = 32
+_INT32 = 1 << 31
 _FACET = re.compile(rb"\sfacet\s+normal\s+[-+.\dni]")
 _NUMBER_STARTS = np.zeros(256, bool)
 _NUMBER_STARTS[list(b"+-.0123456789")] = True
@@ -41,7 +42,7 @@ def read_text_corners(data: bytes, limits: FileLimits) -> tuple[NDArray[np.float
     raw = np.frombuffer(text, np.uint8)
     begins = raw > _BLANK
     begins[1:] &= raw[:-1] <= _BLANK
-    starts = np.flatnonzero(begins)
+    starts: NDArray[np.signedinteger] = np.flatnonzero(begins).astype(np.int32 if len(raw) < _INT32 else np.int64)
     del begins
     letters = np.flatnonzero(~_NUMBER_STARTS[raw[starts]])  # words that are no numbers, but nan and inf
     vertex, facet = _are(raw, starts[letters], b"vertex"), _are(raw, starts[letters], b"facet")
@@ -84,7 +85,7 @@ def _without_names(text: bytes) -> tuple[bytes, bool]:
     return b"".join([*pieces, rest]), ended and b"facet" not in rest
 
 
-def _are(raw: NDArray[np.uint8], starts: NDArray[np.int64], word: bytes) -> NDArray[np.bool_]:
+def _are(raw: NDArray[np.uint8], starts: NDArray[np.signedinteger], word: bytes) -> NDArray[np.bool_]:
     """Which of the words that start there are this one."""
     same: NDArray[np.bool_] = raw[starts] == word[0]
     candidates = starts[same]
@@ -97,7 +98,7 @@ def _are(raw: NDArray[np.uint8], starts: NDArray[np.int64], word: bytes) -> NDAr
     return same
 
 
-def _other_words(raw: NDArray[np.uint8], words: NDArray[np.int64]) -> list[str]:
+def _other_words(raw: NDArray[np.uint8], words: NDArray[np.signedinteger]) -> list[str]:
     """What to say of words that the format does not have, looked for by their first letters, then as a whole."""
     size = len(_IN_A_FACET)
     if len(words) % size == 0 and (raw[words].reshape(-1, size) == _IN_A_FACET).all():
@@ -110,15 +111,20 @@ def _other_words(raw: NDArray[np.uint8], words: NDArray[np.int64]) -> list[str]:
     return [f"{len(words)} words are no part of the format, such as {shown!r}: left out"]
 
 
-def _numbers(raw: NDArray[np.uint8], starts: NDArray[np.int64], places: NDArray[np.int64]) -> NDArray[np.float64]:
+def _numbers(
+    raw: NDArray[np.uint8], starts: NDArray[np.signedinteger], places: NDArray[np.int64]
+) -> NDArray[np.float64]:
     """The three numbers (n, 3) behind each of the words at `places`."""
     if places[-1] + 3 >= len(starts):
         raise MeshFileError("the STL file is cut short within its last vertex")
     kept = np.zeros(len(starts), bool)
     for step in (1, 2, 3):
         kept[places + step] = True
-    lengths = np.diff(starts, append=len(raw))  # of words with the blanks behind them
-    text = raw[starts[0] :][np.repeat(kept, lengths)].tobytes()
+    lengths = np.diff(starts, append=starts.dtype.type(len(raw)))  # of words with the blanks behind them
+    chosen = np.repeat(kept, lengths)
+    del kept, lengths
+    text = raw[starts[0] :][chosen].tobytes()
+    del chosen
     values = parsed_numbers(text, 3 * len(places), np.dtype(np.float64))
     if values is None:
         vertex = Words(text).first_bad(0, 3 * len(places)) // 3

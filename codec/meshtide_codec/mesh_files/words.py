@@ -45,10 +45,11 @@ class Words:
         """(count,) where each word starts, in bytes of `text`."""
         del begins
         breaks = np.flatnonzero(raw == ord("\n")).astype(kind)
-        first = np.searchsorted(self.starts, breaks)
+        first: NDArray[np.signedinteger] = np.searchsorted(self.starts, breaks).astype(kind)
+        del breaks
         first = np.concatenate([np.zeros(1, first.dtype), first])
         following = np.append(first[1:], len(self.starts))
-        self.first = first[first < following]
+        self.first: NDArray[np.signedinteger] = first[first < following]
         """(lines,) the first word of each line that has one."""
         self.starts += offset
         self.count = len(self.starts)
