@@ -15,6 +15,7 @@ from meshtide_client.curation.commands import register as register_curation
 from meshtide_client.paper.commands import register as register_paper
 from meshtide_client.rendering.commands import register as register_rendering
 from meshtide_client.simulation.commands import register as register_simulation
+from meshtide_codec.commands import MaxFacesOption, MaxVerticesOption
 
 if TYPE_CHECKING:
     from meshtide_client.link.lossy_link import LossyLink
@@ -77,6 +78,8 @@ def fetch(
     unprotected: Annotated[
         str, typer.Option(help="What the link may lose besides Diffs: base,map-conn,param,preview, or all.")
     ] = "",
+    max_vertices: MaxVerticesOption = None,
+    max_faces: MaxFacesOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fetch a mesh from a server, level by level.
@@ -96,6 +99,7 @@ def fetch(
     from meshtide_client.fetching import fetch as fetch_mesh
     from meshtide_client.tide_address import parse_address
     from meshtide_client.transport import Link
+    from meshtide_codec.limits import wanted_limits
     from meshtide_codec.stream.session import Until
 
     address = parse_address(url)
@@ -111,6 +115,7 @@ def fetch(
             keep_levels=keep_levels,
             link=Link(timeout=timeout, retries=retries, rate=rate, token=find_token(token_file)),
             transport=transport,
+            limits=wanted_limits(max_vertices, max_faces),
             loss=lossy,
             on_level=display.on_level,
             notify=display.notify,

@@ -20,6 +20,14 @@ if TYPE_CHECKING:
     from meshtide_codec.stream.packets import Packet
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
+MaxVerticesOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Accept levels of so many vertices, however few bytes claim them.", show_default=False),
+]
+MaxFacesOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="The same of faces; by default four for each vertex accepted.", show_default=False),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -172,6 +180,8 @@ def decode(
     input_order: Annotated[
         bool, typer.Option(help="Level 0 with vertices and faces as the input had them; needs --store-order.")
     ] = False,
+    max_vertices: MaxVerticesOption = None,
+    max_faces: MaxFacesOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Decode a .tide stream into a mesh file.
@@ -181,18 +191,20 @@ def decode(
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.decoder import Decoder
     from meshtide_codec.errors import OptionError
+    from meshtide_codec.limits import wanted_limits
     from meshtide_codec.mesh_files import save_mesh
     from meshtide_codec.order import in_input_order
     from meshtide_codec.stream.container import read_available
 
-    header, packets, problem = read_available(stream.read_bytes())
+    limits = wanted_limits(max_vertices, max_faces)
+    header, packets, problem = read_available(stream.read_bytes(), limits)
     if problem is not None and not partial:
         raise problem
     coarsest = header.levels[0].level
     if not 0 <= level <= coarsest:
         raise OptionError(f"the stream has levels 0..{coarsest}, not {level}")
     with progress_bar("decode") as progress:
-        decoder = Decoder(header)
+        decoder = Decoder(header, limits)
         wanted = packets if input_order else packets[: header.packet_count(level)]
         for done, packet in enumerate(wanted):
             progress("packets", done / len(wanted))
@@ -227,6 +239,8 @@ def decode(
 def info(
     stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
     statistics: Annotated[bool, typer.Option(help="Read the Diffs too: Shannon's bound, power law, l2 error.")] = False,
+    max_vertices: MaxVerticesOption = None,
+    max_faces: MaxFacesOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Tell what a .tide stream holds: bytes by level and kind, bits per vertex, predictor.
@@ -234,9 +248,10 @@ def info(
     Example: meshtide info bunny.tide --json
     """
     from meshtide_codec.errors import OptionError
+    from meshtide_codec.limits import wanted_limits
     from meshtide_codec.stream.container import read_available
 
-    header, packets, problem = read_available(stream.read_bytes())
+    header, packets, problem = read_available(stream.read_bytes(), wanted_limits(max_vertices, max_faces))
     report = _report(header) | {"packets_present": len(packets), "problem": None if problem is None else str(problem)}
     if statistics and header.profile != "classic":
         raise OptionError("--statistics reads the Diffs of profile classic; those of other profiles are bit planes")

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from meshtide_codec.commands import MaxFacesOption, MaxVerticesOption
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to `app`."""
@@ -31,6 +33,8 @@ def render(
     each_fits: Annotated[
         bool, typer.Option(help="Each mesh fills its picture; otherwise all are in the scale of the last.")
     ] = False,
+    max_vertices: MaxVerticesOption = None,
+    max_faces: MaxFacesOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
 ) -> None:
     """Draw meshes side by side into a PNG file, without a screen.
@@ -47,6 +51,7 @@ def render(
     from meshtide_client.rendering.view import View
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.errors import OptionError
+    from meshtide_codec.limits import wanted_limits
     from meshtide_codec.output_files import write_atomically
 
     if output.suffix.lower() != ".png":
@@ -54,7 +59,7 @@ def render(
     style = Style(View(turn, tilt), size, columns, smooth, edges)
     with progress_bar("render") as progress:
         progress("read", 0.0)
-        subjects = load_subjects(inputs, all_levels=all_levels)
+        subjects = load_subjects(inputs, all_levels=all_levels, limits=wanted_limits(max_vertices, max_faces))
         scale = None
         if distance_from is not None:
             progress("distances", 0.3)
