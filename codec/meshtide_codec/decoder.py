@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     from meshtide_codec.stream.packets import Packet
 
 
+LARGEST_DIFF = float(1 << 40)
+"""Steps of any grid beyond which it makes no difference how far outside of the cube a perturbed vertex is."""
+
+
 @dataclass(frozen=True, slots=True)
 class LevelUpdate:
     """A level that became available or better; `exact` when every Diff that it builds on is there."""
@@ -161,7 +165,7 @@ class Decoder:
             )
         if not np.array_equal(changed, differences):
             self._perturbed_levels.add(level)
-        return changed
+        return np.clip(changed, -LARGEST_DIFF, LARGEST_DIFF)
 
 
 def decode(data: bytes | memoryview, level: int = 0, limits: Limits | None = None) -> Mesh:
