@@ -25,8 +25,8 @@ from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.compact.models import (
     DeepModels,
     Models,
-    new_diff_models,
     new_map_models,
+    trained_diff_models,
     untrained_deep_diff_models,
     untrained_deep_map_models,
 )
@@ -130,7 +130,7 @@ def main() -> None:
     for path in arguments.test:
         octree = octree_of(load_mesh(path), 12)
         maps = code_maps(octree, map_models.copy())[0] / code_maps(octree, new_map_models())[0]
-        diffs = code_diffs(octree, diff_models.copy())[0] / code_diffs(octree, new_diff_models())[0]
+        diffs = code_diffs(octree, diff_models.copy())[0] / code_diffs(octree, trained_diff_models())[0]
         print(f"  {path.name:28} {len(octree.positions):6} vertices  map {maps:.4f}  diff {diffs:.4f}")
     np.savez_compressed(arguments.output, **packed("map", map_models), **packed("diff", diff_models))
     print(f"{arguments.output}: {arguments.output.stat().st_size} bytes")

@@ -17,7 +17,7 @@ from meshtide_client.rendering.commands import register as register_rendering
 from meshtide_client.server_options import CaFileOption
 from meshtide_client.simulation.commands import register as register_simulation
 from meshtide_codec.printable import printable, shown
-from meshtide_codec.shared_options import OverwriteOption
+from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption
 
 if TYPE_CHECKING:
     from meshtide_client.link.lossy_link import LossyLink
@@ -82,6 +82,8 @@ def fetch(
         str, typer.Option(help="What the link may lose besides Diffs: base,map-conn,param,preview, or all.")
     ] = "",
     overwrite: OverwriteOption = False,
+    max_vertices: MaxVerticesOption = None,
+    max_faces: MaxFacesOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fetch a mesh from a server, level by level.
@@ -102,6 +104,7 @@ def fetch(
     from meshtide_client.fetching import fetch as fetch_mesh
     from meshtide_client.tide_address import parse_address
     from meshtide_client.transport import Link
+    from meshtide_codec.limits import wanted_limits
     from meshtide_codec.stream.session import Until
 
     address = parse_address(url)
@@ -117,6 +120,7 @@ def fetch(
             keep_levels=keep_levels,
             link=Link(timeout=timeout, retries=retries, rate=rate, token=find_token(token_file), ca_file=ca_file),
             transport=transport,
+            limits=wanted_limits(max_vertices, max_faces),
             loss=lossy,
             overwrite=overwrite,
             on_level=display.on_level,

@@ -12,7 +12,7 @@ import typer
 
 from meshtide_codec.comparison.commands import print_report, report_target, written_report
 from meshtide_codec.comparison.commands import register as register_comparison
-from meshtide_codec.shared_options import OverwriteOption
+from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -198,6 +198,8 @@ def decode(
         bool, typer.Option(help="Level 0 with vertices and faces as the input had them; needs --store-order.")
     ] = False,
     overwrite: OverwriteOption = False,
+    max_vertices: MaxVerticesOption = None,
+    max_faces: MaxFacesOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Decode a .tide stream into a mesh file.
@@ -209,6 +211,7 @@ def decode(
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.decoder import Decoder
     from meshtide_codec.errors import OptionError
+    from meshtide_codec.limits import wanted_limits
     from meshtide_codec.mesh_files import save_mesh
     from meshtide_codec.mesh_files.write import format_of
     from meshtide_codec.order import in_input_order
@@ -219,14 +222,15 @@ def decode(
     path = output or stream.with_suffix(".decoded.ply")
     target = output_file(path, [stream], overwrite=overwrite, standard_output=True)
     kind = format_of(target.path, kind)
-    header, packets, problem = read_available(stream.read_bytes())
+    limits = wanted_limits(max_vertices, max_faces)
+    header, packets, problem = read_available(stream.read_bytes(), limits)
     if problem is not None and not partial:
         raise problem
     coarsest = header.levels[0].level
     if not 0 <= level <= coarsest:
         raise OptionError(f"the stream has levels 0..{coarsest}, not {level}")
     with progress_bar("decode") as progress:
-        decoder = Decoder(header)
+        decoder = Decoder(header, limits)
         wanted = packets if input_order else packets[: header.packet_count(level)]
         for done, packet in enumerate(wanted):
             progress("packets", done / len(wanted))
@@ -262,6 +266,8 @@ def decode(
 def info(
     stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
     statistics: Annotated[bool, typer.Option(help="Read the Diffs too: Shannon's bound, power law, l2 error.")] = False,
+    max_vertices: MaxVerticesOption = None,
+    max_faces: MaxFacesOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Tell what a .tide stream holds: bytes by level and kind, bits per vertex, predictor.
@@ -269,9 +275,10 @@ def info(
     Example: meshtide info bunny.tide --json
     """
     from meshtide_codec.errors import OptionError
+    from meshtide_codec.limits import wanted_limits
     from meshtide_codec.stream.container import read_available
 
-    header, packets, problem = read_available(stream.read_bytes())
+    header, packets, problem = read_available(stream.read_bytes(), wanted_limits(max_vertices, max_faces))
     report = _report(header) | {"packets_present": len(packets), "problem": None if problem is None else str(problem)}
     if statistics and header.profile != "classic":
         raise OptionError("--statistics reads the Diffs of profile classic; those of other profiles are bit planes")

@@ -19,7 +19,7 @@ from meshtide_codec.classic import options as classic_options
 from meshtide_codec.classic.decoder import ClassicDecoder
 from meshtide_codec.compact import options as compact_options
 from meshtide_codec.compact.decoder import CompactDecoder
-from meshtide_codec.errors import ContainerError
+from meshtide_codec.errors import ContainerError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.order import Order, read_order
@@ -34,6 +34,10 @@ if TYPE_CHECKING:
 
     from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.stream.packets import Packet
+
+
+LARGEST_DIFF = float(1 << 40)
+"""Steps of any grid beyond which it makes no difference how far outside of the cube a perturbed vertex is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,8 @@ class Decoder:
         limits: what the header may claim.
         perturb: changes Diffs after they are decoded, for experiments (Balan & Taubin 2000, section 4.2): it is called
             with the level, the slice and the Diffs (n, 3) of a packet in steps of that level's grid, and returns what
-            is to be added in their place. In profile compact no vertex leaves its leaf cell by it.
+            is to be added in their place, as many finite numbers, or the packet is refused. In profile compact no
+            vertex leaves its leaf cell by it.
 
     Raises:
         ContainerError: a profile that this program does not know, or options that make no sense.
@@ -103,7 +108,8 @@ class Decoder:
         """Read the Order packet once both it and the faces of level 0 are there."""
         if self._order_packet is not None and self.is_available(0):
             faces = self._decoder.faces(0)
-            self._order = read_order(self._order_packet, faces, self.header.vertices, self._limits)
+            known = self.header.size_bytes
+            self._order = read_order(self._order_packet, faces, self.header.vertices, self._limits, known)
 
     @property
     def order(self) -> Order | None:
@@ -138,20 +144,28 @@ class Decoder:
 
         Raises:
             KeyError: the level is not available.
+            PacketError: its packets make positions that are not finite.
         """
         if not self.is_available(level):
             raise KeyError(f"level {level} is not available yet")
-        geometry = self._decoder.geometry(level)
-        vertices = dequantize(geometry, self.header.bits, np.asarray(self.header.origin), self.header.extent)
+        with np.errstate(over="ignore", invalid="ignore"):
+            geometry = self._decoder.geometry(level)
+            vertices = dequantize(geometry, self.header.bits, np.asarray(self.header.origin), self.header.extent)
+        if not np.isfinite(vertices).all():
+            raise PacketError("its positions are not finite; the stream is damaged", level=level)
         return Mesh(vertices, self._decoder.faces(level).astype(np.int64))
 
     def _perturbed(self, level: int, part: int, differences: NDArray[np.float64]) -> NDArray[np.float64]:
         """What `perturb` makes of the Diffs of a packet, and a note that the level is no longer as it was sent."""
         assert self._perturb is not None  # noqa: S101 - called by decoders that were given this
-        changed = self._perturb(level, part, differences)
+        changed = np.asarray(self._perturb(level, part, differences))
+        if changed.shape != differences.shape or not np.isfinite(changed).all():
+            raise PacketError(
+                f"perturb must return {differences.shape} finite numbers", level=level, packet=PacketKind.DIFF.label
+            )
         if not np.array_equal(changed, differences):
             self._perturbed_levels.add(level)
-        return changed
+        return np.clip(changed, -LARGEST_DIFF, LARGEST_DIFF)
 
 
 def decode(data: bytes | memoryview, level: int = 0, limits: Limits | None = None) -> Mesh:

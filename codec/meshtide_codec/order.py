@@ -76,8 +76,12 @@ def _payload(order: Order, stream_faces: Faces, vertex_count: int, *, by_row: bo
     return write_number(int(by_row)) + writer.payload()
 
 
-def read_order(packet: Packet, stream_faces: Faces, vertex_count: int, limits: Limits | None = None) -> Order:
+def read_order(
+    packet: Packet, stream_faces: Faces, vertex_count: int, limits: Limits | None = None, stream_bytes: int = 0
+) -> Order:
     """The order that `order_packet` wrote, given the same faces and number of vertices.
+
+    `stream_bytes` of the stream, besides the packet, stand behind its claims.
 
     Raises:
         PacketError: the packet is damaged.
@@ -90,7 +94,9 @@ def read_order(packet: Packet, stream_faces: Faces, vertex_count: int, limits: L
         by_row, position = read_number(packet.payload, position)
     except BadValueError as error:
         raise PacketError(f"{error}; the stream is damaged", packet=label, offset=0) from error
-    (limits or Limits()).check_mesh(vertices, faces)
+    limits = limits or Limits()
+    limits.check_mesh(vertices, faces)
+    limits.check_share(vertices, faces, stream_bytes + len(packet.payload))
     reader = PayloadReader(packet.payload[position:])
     contexts = new_contexts(kernels.CONTEXTS)
     order = Order(np.zeros(vertices, np.int64), np.zeros((faces, 3), np.int64))

@@ -7,6 +7,7 @@ vertex from here on. The stream's vertex order is the Morton order of q. Cost: O
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,8 @@ from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh import Mesh, canonical_faces
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 SMALLEST_B = 4
@@ -90,8 +93,7 @@ def quantize(
     origin = mesh.vertices.min(axis=0) if origin is None else origin
     with np.errstate(over="ignore"):
         extent = max(0.0, float((mesh.vertices.max(axis=0) - origin).max())) if extent is None else extent
-        end = origin + extent
-    if not np.isfinite(extent) or not np.isfinite(end).all():
+    if not has_finite_points(origin.tolist(), extent):
         raise MeshError("the mesh is too large: the difference of its coordinates is not a finite number")
     if given:
         _check_inside(mesh.vertices, origin, extent)
@@ -112,6 +114,15 @@ def quantize(
         permutation=permutation,
         dropped_faces=len(mesh.faces) - len(faces),
     )
+
+
+def has_finite_points(origin: Sequence[float], extent: float) -> bool:
+    """Whether all points of a grid, and those half a step around it, have finite coordinates.
+
+    >>> has_finite_points((0.0, 0.0, -1e308), 1e308), has_finite_points((1e308, 0.0, 0.0), 1e308)
+    (False, False)
+    """
+    return all(math.isfinite(abs(coordinate) + 1.125 * extent) for coordinate in origin)
 
 
 def _check_inside(vertices: NDArray[np.float64], origin: NDArray[np.float64], extent: float) -> None:

@@ -13,3 +13,11 @@ OverwriteOption = Annotated[
         help="Replace files that are there already; without it nothing is replaced that this command did not make.",
     ),
 ]
+MaxVerticesOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Accept levels of so many vertices, however few bytes claim them.", show_default=False),
+]
+MaxFacesOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="The same of faces; by default four for each vertex accepted.", show_default=False),
+]

@@ -15,10 +15,10 @@ from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.models import (
     DeepModels,
     Models,
-    new_deep_diff_models,
     new_deep_map_models,
-    new_diff_models,
     new_map_models,
+    trained_deep_diff_models,
+    trained_diff_models,
     untrained_deep_diff_models,
     untrained_deep_map_models,
     untrained_diff_models,
@@ -51,7 +51,7 @@ def size(packets: list[bytes]) -> int:
     ("models", "contexts", "neurons"),
     [
         (new_map_models(), map_layout.CONTEXTS, map_layout.NEURONS),
-        (new_diff_models(), diff_kernels.CONTEXTS, diff_kernels.NEURONS),
+        (trained_diff_models(), diff_kernels.CONTEXTS, diff_kernels.NEURONS),
         (untrained_map_models(), map_layout.CONTEXTS, map_layout.NEURONS),
         (untrained_diff_models(), diff_kernels.CONTEXTS, diff_kernels.NEURONS),
     ],
@@ -70,7 +70,7 @@ def test_states_fit_the_coders(models: Models, contexts: int, neurons: int) -> N
     ("models", "layout"),
     [
         (new_deep_map_models(), map_deep_layout),
-        (new_deep_diff_models(), diff_deep_context_kernels),
+        (trained_deep_diff_models(), diff_deep_context_kernels),
         (untrained_deep_map_models(), map_deep_layout),
         (untrained_deep_diff_models(), diff_deep_context_kernels),
     ],
@@ -97,7 +97,7 @@ def test_states_are_handed_out_as_copies() -> None:
     copy = models.copy()
     copy.weights[:] = 0
     assert models.weights.any()
-    deep = new_deep_diff_models()
+    deep = trained_deep_diff_models()
     deep_copy = deep.copy()
     for array in deep_copy.mixer:
         array[:] = 0
@@ -108,10 +108,10 @@ def test_states_are_handed_out_as_copies() -> None:
 
 def test_training_helps_small_meshes() -> None:
     octree = torus(40, 20, 8)
-    trained = size(payloads(octree, new_map_models(), new_diff_models()))
+    trained = size(payloads(octree, new_map_models(), trained_diff_models()))
     untrained = size(payloads(octree, untrained_map_models(), untrained_diff_models()))
     assert trained < 0.97 * untrained
-    deep = size(payloads(octree, new_deep_map_models(), new_deep_diff_models()))
+    deep = size(payloads(octree, new_deep_map_models(), trained_deep_diff_models()))
     assert deep < 0.97 * size(payloads(octree, untrained_deep_map_models(), untrained_deep_diff_models()))
     assert deep < trained
 
@@ -121,7 +121,7 @@ def test_training_helps_small_meshes() -> None:
 )
 def test_golden_bytes(mirror: Mirror | None, total: int, checksum: int) -> None:
     """The payloads of a fixed mesh never change within a format version, on any machine."""
-    packets = payloads(lattice_soup(11, 200, 400, 10), new_map_models(), new_diff_models(), mirror)
+    packets = payloads(lattice_soup(11, 200, 400, 10), new_map_models(), trained_diff_models(), mirror)
     assert size(packets) == total
     assert zlib.crc32(b"".join(packets)) == checksum
 
@@ -130,5 +130,5 @@ def test_golden_bytes(mirror: Mirror | None, total: int, checksum: int) -> None:
     ("mirror", "total", "checksum"), [(None, 622, 281117630), (Mirror(1, 1023, 10), 622, 2933607938)]
 )
 def test_golden_bytes_of_effort_high(mirror: Mirror | None, total: int, checksum: int) -> None:
-    packets = payloads(lattice_soup(11, 200, 400, 10), new_deep_map_models(), new_deep_diff_models(), mirror)
+    packets = payloads(lattice_soup(11, 200, 400, 10), new_deep_map_models(), trained_deep_diff_models(), mirror)
     assert (size(packets), zlib.crc32(b"".join(packets))) == (total, checksum)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,6 +21,7 @@ from meshtide_codec.errors import ContainerError, LimitError, PacketError
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.stream.header import StreamHeader
 from meshtide_codec.stream.packets import Packet, PacketKind
 from streams import check_with_one_damaged_packet, encoded_grid
 
@@ -280,3 +282,44 @@ def test_a_hostile_stream_takes_no_more_memory_than_the_limit(
         assert tracemalloc.get_traced_memory()[1] < limits.memory
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 1.7e308])
+def test_a_grid_that_reaches_beyond_numbers_is_refused(place: int, value: float) -> None:
+    header = encode(grid(5), CompactOptions(bits=6)).header
+    numbers = [*header.origin, header.extent]
+    numbers[place] = value
+    changed = replace(header, origin=(numbers[0], numbers[1], numbers[2]), extent=numbers[3])
+    if place < 3 and value == 1.7e308:
+        changed = replace(changed, extent=1.7e308)
+    with pytest.raises(ContainerError):
+        StreamHeader.from_bytes(changed.to_bytes())
+
+
+@pytest.mark.parametrize(
+    "options", [CompactOptions(bits=8), ClassicOptions(bits=8, coarsest_vertices=12)], ids=["compact", "classic"]
+)
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_a_hook_that_returns_what_is_not_finite_is_refused(
+    options: CompactOptions | ClassicOptions, value: float
+) -> None:
+    encoded = encode(grid(9), options)
+
+    def spoil(_level: int, _slice: int, differences: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return np.full(differences.shape, value)
+
+    decoder = Decoder(encoded.header, perturb=spoil)
+    with pytest.raises(PacketError, match="finite numbers"):
+        for packet in encoded.packets:
+            decoder.push(packet)
+
+
+def test_a_hook_that_returns_huge_numbers_leaves_finite_positions() -> None:
+    for options in (CompactOptions(bits=8), ClassicOptions(bits=8, coarsest_vertices=12)):
+        encoded = encode(grid(9), options)
+        decoder = Decoder(encoded.header, perturb=lambda _level, _slice, differences: differences + 1.7e308)
+        for packet in encoded.packets:
+            decoder.push(packet)
+        for row in encoded.header.levels:
+            assert np.isfinite(decoder.mesh(row.level).vertices).all()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from meshtide_codec.shared_options import OverwriteOption
+from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption
 
 
 def register(app: typer.Typer) -> None:
@@ -34,6 +34,8 @@ def render(
         bool, typer.Option(help="Each mesh fills its picture; otherwise all are in the scale of the last.")
     ] = False,
     overwrite: OverwriteOption = False,
+    max_vertices: MaxVerticesOption = None,
+    max_faces: MaxFacesOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
 ) -> None:
     """Draw meshes side by side into a PNG file, without a screen.
@@ -49,6 +51,7 @@ def render(
     from meshtide_codec.command_line import progress_bar
     from meshtide_codec.errors import OptionError
     from meshtide_codec.json_text import json_text
+    from meshtide_codec.limits import wanted_limits
     from meshtide_codec.output_policy import output_file
     from meshtide_codec.printable import shown
 
@@ -58,7 +61,7 @@ def render(
     style = Style(View(turn, tilt), size, columns, smooth, edges)
     with progress_bar("render") as progress:
         progress("read", 0.0)
-        subjects = load_subjects(inputs, all_levels=all_levels)
+        subjects = load_subjects(inputs, all_levels=all_levels, limits=wanted_limits(max_vertices, max_faces))
         scale = None
         if distance_from is not None:
             progress("distances", 0.3)

@@ -19,17 +19,19 @@ from meshtide_codec.stream.container import read_container
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
 
 STREAM_SUFFIX = ".tide"
 
 
-def load_subjects(inputs: Sequence[str], *, all_levels: bool = False) -> list[Subject]:
+def load_subjects(inputs: Sequence[str], *, all_levels: bool = False, limits: Limits | None = None) -> list[Subject]:
     """The meshes of files, samples and streams, in order.
 
     Args:
         inputs: paths of mesh files or streams, or names of samples.
         all_levels: whether a stream shows all its levels, coarse to fine, or its finest.
+        limits: what a stream may claim.
 
     Raises:
         MeshError, OSError: a file is no mesh, or cannot be opened.
@@ -39,7 +41,7 @@ def load_subjects(inputs: Sequence[str], *, all_levels: bool = False) -> list[Su
     for name in inputs:
         path = Path(name)
         if path.suffix.lower() == STREAM_SUFFIX:
-            subjects += list(_levels(path, all_levels=all_levels))
+            subjects += list(_levels(path, limits, all_levels=all_levels))
         else:
             mesh = load_sample(name) if name in sample_names() and not path.exists() else load_mesh(path)
             subjects.append(Subject(path.stem, mesh))
@@ -69,10 +71,10 @@ def coloured_by_distance(subjects: Sequence[Subject], reference: Mesh) -> tuple[
     return coloured, ColourScale(0.0, largest or 1.0, "distance / diagonal")
 
 
-def _levels(path: Path, *, all_levels: bool) -> Iterator[Subject]:
+def _levels(path: Path, limits: Limits | None, *, all_levels: bool) -> Iterator[Subject]:
     """Each level as it is shown when its last packet has come, before the Diffs of finer ones improve it."""
-    header, packets = read_container(path.read_bytes())
-    decoder = Decoder(header)
+    header, packets = read_container(path.read_bytes(), limits)
+    decoder = Decoder(header, limits)
     done = 0
     for row in header.levels:
         count = header.packet_count(row.level)

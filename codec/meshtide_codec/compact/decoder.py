@@ -7,6 +7,7 @@ and the later Diffs of its slice wait for it.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from meshtide_codec.compact.diff_coder import known_positions
@@ -67,6 +68,8 @@ class CompactDecoder:
             for i in range(len(slices))
         ]
         self._diffs: list[dict[int, bytes]] = [{} for _ in self._coders]
+        self._reached = Counter({0: len(self._coders)})  # how many slices have come to which depth
+        self._told = 0  # Diffs that have told something of a vertex
         self._shifts = [] if perturb is None else [SliceShifts(self._bits, i, perturb) for i in range(len(slices))]
         self._taken: set[tuple[PacketKind, int, int]] = set()
 
@@ -77,14 +80,14 @@ class CompactDecoder:
             PacketError: the packet does not belong to this stream, or came before, or its payload is damaged.
             LimitError: a level over the limits.
         """
-        available, depths = set(self._available()), [coder.depth for coder in self._coders]
+        available, told, least = set(self._available()), self._told, min(self._reached)
         try:
             self._take(packet)
         except PacketError as error:
             level = packet.level if error.level is None else error.level
             raise type(error)(error.message, level=level, packet=packet.kind.label, offset=error.offset) from error
-        told = any(coder.depth > depth for coder, depth in zip(self._coders, depths, strict=True))
-        changed = packet.level if told and packet.kind is PacketKind.DIFF else -1
+        better = self._told > told or min(self._reached) > least
+        changed = packet.level if better and packet.kind is PacketKind.DIFF else -1
         return [
             number
             for number in self._available()
@@ -106,7 +109,7 @@ class CompactDecoder:
         if number in self._previews:
             return True
         sent = [depth for depth in self._options.diff_depths if depth <= self._bits - number]
-        return self.is_available(number) and all(coder.depth >= max(sent, default=0) for coder in self._coders)
+        return self.is_available(number) and min(self._reached) >= max(sent, default=0)
 
     def faces(self, number: int) -> NDArray[np.int32]:
         """Faces (m, 3) of an available level."""
@@ -198,13 +201,27 @@ class CompactDecoder:
     def _decode_diffs(self, index: int) -> None:
         """Decode the Diffs of a slice as far as they and their levels have come."""
         coder, waiting = self._coders[index], self._diffs[index]
+        if not waiting:
+            return
         for depth in self._options.diff_depths:
             if depth <= coder.depth:
                 continue
             if depth not in waiting or len(self._levels) <= depth:
                 return
+            before = coder.depth
             try:
-                coder.decode(waiting.pop(depth), self._levels[coder.depth + 1 : depth + 1])
+                coder.decode(waiting.pop(depth), self._levels[before + 1 : depth + 1])
             finally:  # bit planes before a damage are kept
+                self._note(before, coder)
                 if self._shifts:
                     self._shifts[index].go_on(coder.state)
+
+    def _note(self, before: int, coder: DifferenceCoder) -> None:
+        """Count a slice among those of the depth that it has reached, without a look at all the others."""
+        if coder.depth == before:
+            return
+        self._told += len(coder.state.cells) > 0
+        self._reached[coder.depth] += 1
+        self._reached[before] -= 1
+        if self._reached[before] == 0:
+            del self._reached[before]

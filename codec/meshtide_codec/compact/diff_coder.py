@@ -18,7 +18,7 @@ from meshtide_codec.compact import diff_deep_kernels, diff_kernels
 from meshtide_codec.compact import diff_prediction_kernels as prediction
 from meshtide_codec.compact.diff_row_kernels import fill_rows
 from meshtide_codec.compact.mirror_kernels import find_partners
-from meshtide_codec.compact.models import DeepModels, new_deep_diff_models, new_diff_models
+from meshtide_codec.compact.models import DeepModels, trained_deep_diff_models, trained_diff_models
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import DiffError
 
@@ -46,7 +46,7 @@ class SliceState:
         errors: (k,) float64, how badly each vertex was predicted lately.
         partners: (k,) int32, the leaf each leaf is the mirror image of, or -1.
         outcomes: (k,) uint8, how each leaf compared with its partner.
-        models: contexts and weights after the last Diff.
+        models: contexts and weights after the last Diff; never changed, since slices that have told nothing share them.
     """
 
     depth: int
@@ -76,7 +76,7 @@ def new_slice_state(
         deep: whether the Diffs are coded deeply.
     """
     if models is None:
-        models = new_deep_diff_models() if deep else new_diff_models()
+        models = trained_deep_diff_models() if deep else trained_diff_models()
     vertices = slices.vertices(root, slice_index)
     count = int(root.leaves[vertices.start : vertices.stop].sum())
     return SliceState(
@@ -178,6 +178,14 @@ def read_diff(
     _go_on(state, _BitPlane(level, state, slices.vertices(level, slice_index), mirror).read(reader))
 
 
+def is_empty(state: SliceState, level: Level, slices: Slices, slice_index: int) -> bool:
+    """Whether a slice has no leaves up to a level, so that there is nothing to tell of it."""
+    if len(state.cells):
+        return False
+    vertices = slices.vertices(level, slice_index)
+    return not level.leaves[vertices.start : vertices.stop].any()
+
+
 def has_diff(level: Level, slices: Slices, slice_index: int) -> bool:
     """Whether the slice has leaves coarser than the level, so that a Diff packet is sent."""
     vertices = slices.vertices(level, slice_index)
@@ -249,6 +257,8 @@ class _BitPlane:
     def run(self, coder: Coder, buffer: Buffer, targets: NDArray[np.int32]) -> SliceState:
         """Code the bits of `targets` (read or written, as the coder says); returns the state that follows."""
         level, state = self.level, self.state
+        if len(self.leaf_vertices) == 0:
+            return dataclasses.replace(state, depth=level.depth)
         rows = self._rows()
         models = state.models.copy()
         outcomes = np.zeros(level.vertex_count if self.mirror else 0, np.uint8)

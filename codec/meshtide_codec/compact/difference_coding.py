@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from meshtide_codec.compact.diff_coder import decode_diff, new_slice_state, read_diff, write_diff
+from meshtide_codec.compact.diff_coder import decode_diff, is_empty, new_slice_state, read_diff, write_diff
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import DiffError
 from meshtide_codec.stream.parts import split_parts
@@ -70,6 +70,9 @@ class DifferenceCoder:
         Raises:
             DiffError: the payload is damaged; none of its bit planes is kept, before version 3 those before the damage.
         """
+        if not payload and is_empty(self.state, levels[-1], self._slices, self._index):
+            self.state.depth = levels[-1].depth
+            return
         if self._in_parts:
             self._decode_parts(payload, levels)
             return

@@ -65,9 +65,9 @@ def new_map_models() -> Models:
     return _trained("map").copy()
 
 
-def new_diff_models() -> Models:
-    """States for the first Diff of a slice."""
-    return _trained("diff").copy()
+def trained_diff_models() -> Models:
+    """States for the first Diff of a slice: shared by all slices, so not to be changed."""
+    return _trained("diff")
 
 
 def new_deep_map_models() -> DeepModels:
@@ -75,9 +75,9 @@ def new_deep_map_models() -> DeepModels:
     return _trained_deeply("map").copy()
 
 
-def new_deep_diff_models() -> DeepModels:
-    """States for the first Diff of a slice at effort high."""
-    return _trained_deeply("diff").copy()
+def trained_deep_diff_models() -> DeepModels:
+    """The same at effort high."""
+    return _trained_deeply("diff")
 
 
 def untrained_map_models() -> Models:

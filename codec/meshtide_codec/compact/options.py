@@ -138,7 +138,7 @@ class CompactHeader:
         if previews > MAXIMUM_PREVIEWS:
             raise plain_values.BadValueError(f"{previews} previews, more than {MAXIMUM_PREVIEWS}")
         count = bits - base_depth + 1
-        slices = _slices(options, bits)
+        slices = _slices(options, bits, header.vertices)
         deep = DeepLayers(plain_values.integer(options.get("e", 0), "deep layers", 0, DeepLayers.ALL))
         if DeepLayers.DIFFS in deep and len(slices) > MAXIMUM_DEEP_SLICES:
             raise plain_values.BadValueError(f"{len(slices)} slices, more than {MAXIMUM_DEEP_SLICES}")
@@ -171,7 +171,7 @@ class CompactHeader:
             strengths=tuple(Strength(f, 0) for f in plain_values.binary(options["f"], "strengths", count, count)),
             diff_depths=tuple(depths),
             mirror=_mirror(options, bits),
-            slices=_slices(options, bits),
+            slices=_slices(options, bits, header.vertices),
             previews=len(previews),
             preview_bits=tuple(previews),
         )
@@ -188,10 +188,10 @@ def _mirror(options: Mapping[str, Any], bits: int) -> Mirror | None:
     )
 
 
-def _slices(options: Mapping[str, Any], bits: int) -> Slices:
+def _slices(options: Mapping[str, Any], bits: int, vertices: int) -> Slices:
     starts = plain_values.array(options.get("s", [0]), "slices")
-    if len(starts) > MAXIMUM_SLICES:
-        raise plain_values.BadValueError(f"{len(starts)} slices, more than {MAXIMUM_SLICES}")
+    if len(starts) > min(MAXIMUM_SLICES, vertices):
+        raise plain_values.BadValueError(f"{len(starts)} slices, more than {min(MAXIMUM_SLICES, vertices)}")
     return Slices(bits, tuple(plain_values.integer(start, "start of a slice") for start in starts))
 
 

@@ -49,11 +49,10 @@ class Slices:
         if len(self.starts) == 1:
             return range(level.vertex_count)
         shift = 3 * (self.bits - level.depth)
-        first_codes = [-(-start >> shift) for start in self.starts]
-        begin = int(np.searchsorted(level.codes, first_codes[slice_index]))
+        begin = int(np.searchsorted(level.codes, -(-self.starts[slice_index] >> shift)))
         if slice_index + 1 == len(self.starts):
             return range(begin, level.vertex_count)
-        return range(begin, int(np.searchsorted(level.codes, first_codes[slice_index + 1])))
+        return range(begin, int(np.searchsorted(level.codes, -(-self.starts[slice_index + 1] >> shift))))
 
 
 def even_slices(level: Level, bits: int, count: int) -> Slices:

@@ -13,13 +13,14 @@ import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from meshtide_codec.errors import ContainerError, LimitError, VersionError
 from meshtide_codec.limits import Limits
-from meshtide_codec.quantize import LARGEST_B, SMALLEST_B
+from meshtide_codec.quantize import LARGEST_B, SMALLEST_B, has_finite_points
 from meshtide_codec.stream import distances, packed_header, plain_values, tables
 from meshtide_codec.stream.packed_header import PlainHeader
 from meshtide_codec.stream.packets import LARGEST_LEVEL, LARGEST_SLICE, Packet, PacketKind
@@ -54,6 +55,9 @@ _FIELDS = {
     1: frozenset(int(field) for field in Field),
     2: frozenset(int(field) for field in Field if field != Field.DISTANCES),
 }
+
+TELLS_SIZES = frozenset({PacketKind.BASE, PacketKind.MAP_CONN, PacketKind.PREVIEW})
+"""The packets that say what vertices and faces there are."""
 
 _SMALL_MAP = 0x80
 """First byte of a msgpack map of n fields, less n."""
@@ -148,6 +152,11 @@ class StreamHeader:
         """Bytes of packets that `entry` needs."""
         return int(self.packet_offsets[entry.packet_count])
 
+    @cached_property
+    def size_bytes(self) -> int:
+        """Bytes of the packets that say what vertices and faces there are, see `Limits.vertices_per_byte`."""
+        return sum(packet.length for packet in self.packets if packet.kind in TELLS_SIZES)
+
     def entry(self, level: int) -> LevelEntry:
         """The row of the last state of `level`.
 
@@ -201,24 +210,33 @@ class StreamHeader:
             raise LimitError(f"header of {len(data)} bytes; this decoder accepts {limits.header_bytes}")
         version = version_of(data)
         try:
-            plain = packed_header.unpack_header(bytes(data)) if version == FORMAT_VERSION else _unpack_map(data, limits)
-            return cls._checked(plain, version, limits)
+            plain = (
+                packed_header.unpack_header(bytes(data), limits.packets)
+                if version == FORMAT_VERSION
+                else _unpack_map(data, limits)
+            )
+            return cls._checked(plain, version, limits, len(data))
         except plain_values.BadValueError as error:
             raise ContainerError(f"damaged stream header: {error}") from error
 
     @classmethod
-    def _checked(cls, plain: PlainHeader, version: int, limits: Limits) -> StreamHeader:
+    def _checked(cls, plain: PlainHeader, version: int, limits: Limits, length: int) -> StreamHeader:
         if not isinstance(plain.options, dict) or not all(isinstance(key, str) for key in plain.options):
             raise plain_values.BadValueError("options must be a map with string keys")
         x, y, z = (plain_values.number(value, "origin") for value in plain.origin)
+        extent = plain_values.number(plain.extent, "extent", 0.0)
+        if not has_finite_points((x, y, z), extent):
+            raise plain_values.BadValueError("the grid reaches beyond the largest number")
         packets = _checked_packets(plain, limits)
+        levels = _checked_levels(plain, len(packets), limits)
+        _check_shares(levels, packets, length, limits)
         return cls(
             profile=plain_values.text(plain.profile, "profile", LONGEST_NAME),
             options=plain.options,
             bits=plain_values.integer(plain.bits, "bits per coordinate", SMALLEST_B, LARGEST_B),
             origin=(x, y, z),
-            extent=plain_values.number(plain.extent, "extent", 0.0),
-            levels=_checked_levels(plain, len(packets), limits),
+            extent=extent,
+            levels=levels,
             packets=packets,
             version=version,
         )
@@ -333,6 +351,19 @@ def _checked_levels(plain: PlainHeader, packet_count: int, limits: Limits) -> tu
     if not levels or levels[-1].level != 0:
         raise plain_values.BadValueError("the level table does not end with level 0")
     return tuple(levels)
+
+
+def _check_shares(
+    levels: Sequence[LevelEntry], packets: Sequence[PacketEntry], header_bytes: int, limits: Limits
+) -> None:
+    """Hold the sizes of levels against the bytes that tell of them: Diffs may be missing, so they do not count."""
+    by_level = [header_bytes] + [0] * (LARGEST_LEVEL + 1)
+    for packet in packets:
+        if packet.kind in TELLS_SIZES:
+            by_level[LARGEST_LEVEL - packet.level + 1] += packet.length
+    known = list(accumulate(by_level))
+    for row in levels:
+        limits.check_share(row.vertices, row.faces, known[LARGEST_LEVEL - row.level + 1], level=row.level)
 
 
 def _checked_packets(plain: PlainHeader, limits: Limits) -> tuple[PacketEntry, ...]:

@@ -12,6 +12,7 @@ import struct
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from meshtide_codec.errors import LimitError
 from meshtide_codec.stream import plain_values
 from meshtide_codec.stream.coordinates import folded, pack_coordinate, unfolded, unpack_coordinate
 from meshtide_codec.stream.distances import DISTANCE_BYTES, pack_distances, unpack_distances
@@ -95,10 +96,11 @@ def pack_header(header: PlainHeader) -> bytes:
     return bytes(data) + plain_values.pack(dict(header.options))
 
 
-def unpack_header(data: bytes) -> PlainHeader:
+def unpack_header(data: bytes, most_packets: int) -> PlainHeader:
     """What the bytes of `pack_header` say; no value is checked but for where the next one begins.
 
     Raises:
+        LimitError: it has more packets than `most_packets`.
         BadValueError: the bytes end early, or a row begins as none does.
     """
     if data[:1] != bytes([VERSION]):
@@ -109,7 +111,10 @@ def unpack_header(data: bytes) -> PlainHeader:
     bits = reader.take(1)[0]
     origin = [reader.coordinate() for _ in range(3)]
     header = PlainHeader(profile, {}, bits, origin, reader.coordinate(), [], [], [], [])
-    for _ in range(reader.number()):
+    count = reader.number()
+    if count > most_packets:
+        raise LimitError(f"the stream claims {count} packets; this decoder accepts {most_packets} (Limits.packets)")
+    for _ in range(count):
         _unpack_row(reader, header)
     return header._replace(options=plain_values.unpack(reader.rest(), len(data)))
 
