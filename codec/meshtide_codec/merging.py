@@ -38,6 +38,7 @@ class Merging:
         of_vertices: how many places of vertices there were.
         keeping_bits: the smallest larger B at which no more than a thousandth goes; None if there is none, or if no
             more goes anyway.
+        kept_at_largest: how many faces the largest B would keep, where `keeping_bits` is not known.
     """
 
     bits: int
@@ -47,6 +48,7 @@ class Merging:
     vertices: int
     of_vertices: int
     keeping_bits: int | None = None
+    kept_at_largest: int = 0
 
     @property
     def noticed(self) -> bool:
@@ -60,7 +62,7 @@ class Merging:
 
     def message(self) -> str:
         """One line that says how much went and which B would keep it."""
-        remedy = f"no B up to {LARGEST_B} keeps them"
+        remedy = f"B = {LARGEST_B}, the largest, keeps {self.kept_at_largest}"
         if self.keeping_bits is not None:
             remedy = f"B = {self.keeping_bits} keeps them"
         if self.complete:
@@ -90,6 +92,7 @@ class Merging:
             "vertices": self.vertices,
             "of_vertices": self.of_vertices,
             "keeping_bits": self.keeping_bits,
+            "kept_at_largest": self.kept_at_largest,
         }
 
 
@@ -110,11 +113,13 @@ def merged_by_quantization(mesh: Mesh, quantized: QuantizedMesh) -> Merging:
     found = _merging(quantized, faces, areas, places)
     if not found.noticed:
         return found
+    tried = found
     for bits in range(quantized.bits + 1, LARGEST_B + 1):
         finer = quantize(mesh, bits, quantized.origin, quantized.extent or None)
-        if not _merging(finer, faces, areas, places).noticed:
+        tried = _merging(finer, faces, areas, places)
+        if not tried.noticed:
             return replace(found, keeping_bits=bits)
-    return found
+    return replace(found, kept_at_largest=tried.of_faces - tried.faces)
 
 
 def _merging(

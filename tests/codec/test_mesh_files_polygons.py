@@ -101,7 +101,7 @@ def test_polygons_of_many_sizes_keep_their_order(flats: list[np.ndarray]) -> Non
     assert found.degenerate == 0
     assert found.polygon.tolist() == np.repeat(np.arange(len(sizes)), np.array(sizes) - 2).tolist()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(polygons, "_CORNERS_AT_ONCE", 8)
+        patch.setattr(polygons, "_BATCH", 8)
         assert np.array_equal(found.corners, triangulated(points, np.array(sizes), np.arange(len(points))).corners)
     mesh = Mesh.checked(points, found.corners, polygons=found.inner)
     expected = [list(range(start, start + size)) for start, size in zip(starts, sizes, strict=False)]
@@ -206,8 +206,8 @@ def test_polygons_that_cross_or_touch_themselves_are_cut_somehow(corners: np.nda
 
 def test_convex_polygons_are_not_cut_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     cut_by_ears = []
-    original = polygons._ears
-    monkeypatch.setattr(polygons, "_ears", lambda planes: cut_by_ears.append(len(planes)) or original(planes))
+    original = polygons.ears
+    monkeypatch.setattr(polygons, "ears", lambda planes: cut_by_ears.append(len(planes)) or original(planes))
     angles = np.arange(8) * np.pi / 4
     octagon = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
     dented = octagon * np.where(np.arange(8) == 3, 0.2, 1.0)[:, None]
