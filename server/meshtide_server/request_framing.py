@@ -103,9 +103,10 @@ def body_of(head: bytes) -> int | Body:
         raise _malformed("it holds a line feed or a carriage return that ends no line")
     if b"\r\n " in head or b"\r\n\t" in head:
         raise _malformed("a header is continued on a second line")
-    found = _LENGTH_LINES.findall(head.lower())
-    if not found:
+    lowered = head.lower()
+    if b"\ncontent-length:" not in lowered and b"\ntransfer-encoding:" not in lowered:
         return 0
+    found = _LENGTH_LINES.findall(lowered)
     if len(found) > 1:
         raise _malformed("it tells the length of its body more than once")
     name, value = found[0]
