@@ -38,6 +38,7 @@ class Merging:
         of_vertices: how many places of vertices there were.
         keeping_bits: the smallest larger B at which no more than a thousandth goes; None if there is none, or if no
             more goes anyway.
+        faces_at_largest: where there is none, how many faces would go at the largest B.
     """
 
     bits: int
@@ -47,6 +48,7 @@ class Merging:
     vertices: int
     of_vertices: int
     keeping_bits: int | None = None
+    faces_at_largest: int = 0
 
     @property
     def noticed(self) -> bool:
@@ -60,7 +62,7 @@ class Merging:
 
     def message(self) -> str:
         """One line that says how much went and which B would keep it."""
-        remedy = f"no B up to {LARGEST_B} keeps them"
+        remedy = f"no B up to {LARGEST_B} keeps them, {self.faces_at_largest} would go: cut off what lies far away"
         if self.keeping_bits is not None:
             remedy = f"B = {self.keeping_bits} keeps them"
         if self.complete:
@@ -110,11 +112,13 @@ def merged_by_quantization(mesh: Mesh, quantized: QuantizedMesh) -> Merging:
     found = _merging(quantized, faces, areas, places)
     if not found.noticed:
         return found
+    at_largest = found.faces
     for bits in range(quantized.bits + 1, LARGEST_B + 1):
-        finer = quantize(mesh, bits, quantized.origin, quantized.extent or None)
-        if not _merging(finer, faces, areas, places).noticed:
+        finer = _merging(quantize(mesh, bits, quantized.origin, quantized.extent or None), faces, areas, places)
+        if not finer.noticed:
             return replace(found, keeping_bits=bits)
-    return found
+        at_largest = finer.faces
+    return replace(found, faces_at_largest=at_largest)
 
 
 def _merging(
