@@ -38,7 +38,7 @@ class Merging:
         of_vertices: how many places of vertices there were.
         keeping_bits: the smallest larger B at which no more than a thousandth goes; None if there is none, or if no
             more goes anyway.
-        kept_at_largest: how many faces the largest B would keep, where `keeping_bits` is not known.
+        faces_at_largest: where there is none, how many faces would go at the largest B.
     """
 
     bits: int
@@ -48,7 +48,7 @@ class Merging:
     vertices: int
     of_vertices: int
     keeping_bits: int | None = None
-    kept_at_largest: int = 0
+    faces_at_largest: int = 0
 
     @property
     def noticed(self) -> bool:
@@ -62,7 +62,7 @@ class Merging:
 
     def message(self) -> str:
         """One line that says how much went and which B would keep it."""
-        remedy = f"B = {LARGEST_B}, the largest, keeps {self.kept_at_largest}"
+        remedy = f"no B up to {LARGEST_B} keeps them, {self.faces_at_largest} would go: cut off what lies far away"
         if self.keeping_bits is not None:
             remedy = f"B = {self.keeping_bits} keeps them"
         if self.complete:
@@ -92,7 +92,6 @@ class Merging:
             "vertices": self.vertices,
             "of_vertices": self.of_vertices,
             "keeping_bits": self.keeping_bits,
-            "kept_at_largest": self.kept_at_largest,
         }
 
 
@@ -113,13 +112,13 @@ def merged_by_quantization(mesh: Mesh, quantized: QuantizedMesh) -> Merging:
     found = _merging(quantized, faces, areas, places)
     if not found.noticed:
         return found
-    tried = found
+    at_largest = found.faces
     for bits in range(quantized.bits + 1, LARGEST_B + 1):
-        finer = quantize(mesh, bits, quantized.origin, quantized.extent or None)
-        tried = _merging(finer, faces, areas, places)
-        if not tried.noticed:
+        finer = _merging(quantize(mesh, bits, quantized.origin, quantized.extent or None), faces, areas, places)
+        if not finer.noticed:
             return replace(found, keeping_bits=bits)
-    return replace(found, kept_at_largest=tried.of_faces - tried.faces)
+        at_largest = finer.faces
+    return replace(found, faces_at_largest=at_largest)
 
 
 def _merging(
