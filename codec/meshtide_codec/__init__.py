@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from meshtide_codec.attributes import Attribute
     from meshtide_codec.classic.options import ClassicOptions
     from meshtide_codec.compact.options import CompactOptions
     from meshtide_codec.decoder import Decoder, LevelUpdate, decode
@@ -22,23 +23,26 @@ if TYPE_CHECKING:
     from meshtide_codec.errors import MeshtideError
     from meshtide_codec.filters import FilterSpec
     from meshtide_codec.grid import Grid
-    from meshtide_codec.limits import Limits
+    from meshtide_codec.limits import FileLimits, Limits
     from meshtide_codec.merging import Merging, merged_by_quantization
     from meshtide_codec.mesh import Mesh
-    from meshtide_codec.mesh_files import load_mesh, save_mesh
+    from meshtide_codec.mesh_files import load_mesh, load_scene, save_mesh, save_scene
     from meshtide_codec.order import Order, in_input_order
     from meshtide_codec.quantize import QuantizedMesh
     from meshtide_codec.samples import load_sample, sample_names
+    from meshtide_codec.scene import Scene
     from meshtide_codec.stream.container import ContainerReader, read_available, read_container
     from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.stream.packets import Packet, PacketKind
 
 _HOMES = {
+    "Attribute": "attributes",
     "ClassicOptions": "classic.options",
     "CompactOptions": "compact.options",
     "ContainerReader": "stream.container",
     "Decoder": "decoder",
     "EncodedMesh": "encoder",
+    "FileLimits": "limits",
     "FilterSpec": "filters",
     "Grid": "grid",
     "LevelUpdate": "decoder",
@@ -50,25 +54,30 @@ _HOMES = {
     "Packet": "stream.packets",
     "PacketKind": "stream.packets",
     "QuantizedMesh": "quantize",
+    "Scene": "scene",
     "StreamHeader": "stream.header",
     "decode": "decoder",
     "encode": "encoder",
     "in_input_order": "order",
     "load_mesh": "mesh_files",
     "load_sample": "samples",
+    "load_scene": "mesh_files",
     "merged_by_quantization": "merging",
     "read_available": "stream.container",
     "read_container": "stream.container",
     "sample_names": "samples",
     "save_mesh": "mesh_files",
+    "save_scene": "mesh_files",
 }
 
 __all__ = [
+    "Attribute",
     "ClassicOptions",
     "CompactOptions",
     "ContainerReader",
     "Decoder",
     "EncodedMesh",
+    "FileLimits",
     "FilterSpec",
     "Grid",
     "LevelUpdate",
@@ -80,17 +89,20 @@ __all__ = [
     "Packet",
     "PacketKind",
     "QuantizedMesh",
+    "Scene",
     "StreamHeader",
     "decode",
     "encode",
     "in_input_order",
     "load_mesh",
     "load_sample",
+    "load_scene",
     "merged_by_quantization",
     "read_available",
     "read_container",
     "sample_names",
     "save_mesh",
+    "save_scene",
 ]
 
 
