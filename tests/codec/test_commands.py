@@ -242,8 +242,7 @@ def test_few_bytes_that_claim_millions_need_an_option(tmp_path: Path) -> None:
     header = replace(encoded.header, levels=(*encoded.header.levels[:-1], last))
     path = tmp_path / "claims.tide"
     path.write_bytes(write_container(header, encoded.packet_bytes))
-    for command in ("info", "decode", "render"):
-        target = ["-o", tmp_path / "out.png"] if command == "render" else []
-        assert isinstance(meshtide(command, path, *target).exception, LimitError)
+    for command in ("info", "decode"):
+        assert isinstance(meshtide(command, path).exception, LimitError)
     assert meshtide("info", path, "--max-vertices", 1 << 23).exit_code == 0
     assert isinstance(meshtide("info", path, "--max-vertices", 1000).exception, LimitError)
