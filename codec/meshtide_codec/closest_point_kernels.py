@@ -30,8 +30,8 @@ LEAF_SIZE = 2  # triangles: the least time for building and searching together
 VISITS = 72  # place in the scratch of node numbers where visited nodes are counted
 STACK_SIZE = 72  # the tree is no deeper than a key has bits, and one box a step is left behind
 PROBES = 32  # searches that tell how long all of them would take
-ORDINARY = 200.0  # visited nodes of a search that is no reason to look at fewer points; on surfaces there are about 50
-VISITS_ALLOWED = 2e6  # nodes visited in all, about a fifth of a second, before fewer points are looked at
+ORDINARY = 100.0  # visited nodes of a search that is no reason to look at fewer points; on surfaces there are about 50
+VISITS_ALLOWED = 1e6  # nodes visited in all, about a tenth of a second, before fewer points are looked at
 WELL_SHAPED = 1e-10  # (sine of a corner)^2 below which the sides have a say even if the interior seems closest
 
 

@@ -11,7 +11,9 @@ import pytest
 
 from command_runner import meshtide
 from meshes import grid
-from meshtide_codec.errors import MeshError, MeshFileError, OptionError, StreamError, TruncatedError
+from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.encoder import encode as encode_mesh
+from meshtide_codec.errors import LimitError, MeshError, MeshFileError, OptionError, StreamError, TruncatedError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.stream.container import read_container, write_container
@@ -270,3 +272,15 @@ def test_a_mesh_whose_faces_all_vanish_is_refused(tmp_path: Path) -> None:
     assert isinstance(refused.exception, MeshError)
     assert str(refused.exception).startswith("all 1682 faces vanish at B = 12; B = ")
     assert not (tmp_path / "flat.tide").exists()
+
+
+def test_few_bytes_that_claim_millions_need_an_option(tmp_path: Path) -> None:
+    encoded = encode_mesh(grid(9), CompactOptions(bits=8, previews=()))
+    last = replace(encoded.header.levels[-1], vertices=1 << 22)
+    header = replace(encoded.header, levels=(*encoded.header.levels[:-1], last))
+    path = tmp_path / "claims.tide"
+    path.write_bytes(write_container(header, encoded.packet_bytes))
+    for command in ("info", "decode"):
+        assert isinstance(meshtide(command, path).exception, LimitError)
+    assert meshtide("info", path, "--max-vertices", 1 << 23).exit_code == 0
+    assert isinstance(meshtide("info", path, "--max-vertices", 1000).exception, LimitError)

@@ -97,7 +97,7 @@ def test_states_are_handed_out_as_copies() -> None:
     copy = models.copy()
     copy.weights[:] = 0
     assert models.weights.any()
-    deep = trained_deep_diff_models()
+    deep = trained_deep_diff_models().copy()
     deep_copy = deep.copy()
     for array in deep_copy.mixer:
         array[:] = 0
@@ -132,3 +132,9 @@ def test_golden_bytes(mirror: Mirror | None, total: int, checksum: int) -> None:
 def test_golden_bytes_of_effort_high(mirror: Mirror | None, total: int, checksum: int) -> None:
     packets = payloads(lattice_soup(11, 200, 400, 10), new_deep_map_models(), trained_deep_diff_models(), mirror)
     assert (size(packets), zlib.crc32(b"".join(packets))) == (total, checksum)
+
+
+def test_the_trained_states_that_slices_share_cannot_be_changed() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        trained_diff_models().contexts[0] = 0
+    trained_deep_diff_models().copy().weights[0] = 0

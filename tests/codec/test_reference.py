@@ -12,6 +12,7 @@ from hypothesis import given, settings
 
 from golden_streams import GOLDEN_VARIANTS, VARIANTS, bowl, tangle
 from meshes import random_meshes, tetrahedron
+from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact import previews
 from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
@@ -117,3 +118,19 @@ def test_a_payload_that_goes_on_is_refused() -> None:
         longer = replace(header, packets=(entry, *header.packets[1:]))
         with pytest.raises(PacketError):
             reference_decode(write_container(longer, payloads))
+
+
+@pytest.mark.parametrize(
+    "options", [CompactOptions(bits=10, effort=effort) for effort in Effort] + [ClassicOptions(bits=10)]
+)
+def test_a_hub_of_more_faces_than_a_gate_looks_at(options: CompactOptions | ClassicOptions) -> None:
+    count = 150
+    rng = np.random.default_rng(5)
+    rim = np.stack([np.cos(np.arange(count) / 24), np.sin(np.arange(count) / 24), rng.random(count)], axis=1)
+    faces = [[0, 1 + i, 1 + (i + 1) % count] for i in range(count)] + [
+        [0, 1 + i, 1 + (7 * i) % count] for i in range(30)
+    ]
+    data = encode(Mesh.checked(np.concatenate([[[0.0, 0, 0]], rim]), faces), options).to_bytes()
+    expected, found = decode(data), reference_decode(data)
+    assert np.array_equal(found.vertices, expected.vertices)
+    assert np.array_equal(found.faces, expected.faces)

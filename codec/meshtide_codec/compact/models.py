@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from importlib import resources
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, TypeVar
 
 import numpy as np
 
@@ -112,6 +112,9 @@ def untrained_deep_diff_models() -> DeepModels:
     )
 
 
+AnyModels = TypeVar("AnyModels", bound=Models)
+
+
 @functools.cache
 def _trained(coder: str) -> Models:
     """The trained states of one of the coders, from the package's data."""
@@ -119,7 +122,7 @@ def _trained(coder: str) -> Models:
         probabilities = states[f"{coder}_probabilities"].astype(np.int32)
         counts = states[f"{coder}_counts"].astype(np.int32)
         weights = states[f"{coder}_weights"].astype(np.int32)
-    return Models((probabilities << 8) | counts, weights)
+    return _frozen(Models((probabilities << 8) | counts, weights))
 
 
 @functools.cache
@@ -131,4 +134,11 @@ def _trained_deeply(coder: str) -> DeepModels:
         weights, final_weights, corrections = (
             states[f"{coder}_{name}"].astype(np.int32) for name in ("weights", "final_weights", "corrections")
         )
-    return DeepModels((probabilities << 8) | counts, weights, final_weights, corrections)
+    return _frozen(DeepModels((probabilities << 8) | counts, weights, final_weights, corrections))
+
+
+def _frozen(models: AnyModels) -> AnyModels:
+    """The models, whose arrays no one can change; those of copies can be."""
+    for array in vars(models).values():
+        array.flags.writeable = False
+    return models

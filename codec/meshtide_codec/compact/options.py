@@ -190,8 +190,9 @@ def _mirror(options: Mapping[str, Any], bits: int) -> Mirror | None:
 
 def _slices(options: Mapping[str, Any], bits: int, vertices: int) -> Slices:
     starts = plain_values.array(options.get("s", [0]), "slices")
-    if len(starts) > min(MAXIMUM_SLICES, vertices):
-        raise plain_values.BadValueError(f"{len(starts)} slices, more than {min(MAXIMUM_SLICES, vertices)}")
+    most = min(MAXIMUM_SLICES, vertices + 1)  # besides the first one, each begins at a vertex
+    if len(starts) > most:
+        raise plain_values.BadValueError(f"{len(starts)} slices, more than {most}")
     return Slices(bits, tuple(plain_values.integer(start, "start of a slice") for start in starts))
 
 
