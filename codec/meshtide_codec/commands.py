@@ -146,7 +146,8 @@ def encode(
         progress("read", 0.0)
         scene = load_scene(mesh, kind=mesh_format)
         loaded = mesh_of(scene, mesh, keep_unreferenced=keep_unreferenced or store_order)
-        check_same_mesh(target, loaded.mesh, grid, overwrite=overwrite)
+        if target.replaces:
+            check_same_mesh(target, scene.mesh(), grid, overwrite=overwrite)
         encoded = encode_mesh(loaded.mesh, options, grid=grid, store_order=store_order, progress=progress)
         progress("merged faces", 1.0)
         merged = merged_by_quantization(loaded.mesh, encoded.quantized)
