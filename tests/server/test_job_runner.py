@@ -163,7 +163,7 @@ def test_a_hostile_file_is_refused_once_with_its_reason(start: Start) -> None:
     with start(max_vertices=3) as server:
         job = outcome(server, "four.obj", TETRAHEDRON.encode())
         assert (job["state"], job["attempts"]) == ("failed", 1)
-        assert "claims 4 vertices; this server takes 3 (MESHTIDE_MAX_VERTICES)" in job["error"]
+        assert "claims 4 vertices; 3 are the most that is read (this server's MESHTIDE_MAX_VERTICES)" in job["error"]
 
 
 @pytest.mark.usefixtures("faulty")

@@ -65,7 +65,7 @@ def row(place: int, **changes: float) -> Change:
         (lambda header: replace(header, profile="brotli"), "unknown profile"),
         (lambda header: replace(header, options={**header.options, "other": 1}), None),
         (lambda header: replace(header, options={}), None),
-        (lambda header: replace(header, origin=(1.7e308, 0.0, 0.0), extent=1.7e308), "beyond all numbers"),
+        (lambda header: replace(header, origin=(1.7e308, 0.0, 0.0), extent=1.7e308), "beyond the largest number"),
     ],
 )
 def test_claims_that_do_not_hold_are_refused(change: Change, words: str | None) -> None:
