@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from meshtide_codec.attributes import NONE, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.limits import FileLimits
-from meshtide_codec.mesh_files import ply_faces
-from meshtide_codec.mesh_files.ply_faces import index_list, indices_of, triangles_of_strips
-from meshtide_codec.mesh_files.ply_rows import Columns, ListColumn
+from meshtide_codec.mesh_files.ply import faces as ply_faces
+from meshtide_codec.mesh_files.ply.faces import index_list, indices_of, triangles_of_strips
+from meshtide_codec.mesh_files.ply.rows import Columns, ListColumn
 from ply_files import FORMS, INTEGERS, SQUARE, Element, face, mesh_in, outlines, ply, read, vertex
 
 

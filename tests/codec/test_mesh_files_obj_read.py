@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from meshtide_codec.errors import MeshError, MeshFileError
 from meshtide_codec.limits import FileLimits
-from meshtide_codec.mesh_files import obj_lines
+from meshtide_codec.mesh_files.obj import lines as obj_lines
 from obj_files import attribute, faces_of, read_bytes, written_in_random_ways
 from plain_obj import Corner, read_plain_obj, turned
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.ply_attributes import (
+from meshtide_codec.mesh_files.ply.attributes import (
     CORNER_TEXCOORDS,
     TEXTURE_NUMBER,
     attributes_of,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.limits import FileLimits
-    from meshtide_codec.mesh_files.ply_rows import Columns, ListColumn
+    from meshtide_codec.mesh_files.ply.rows import Columns, ListColumn
 
 _INDEX_LISTS = (
     "vertex_indices",

@@ -13,7 +13,7 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.mesh_files.formats import Written
 from meshtide_codec.mesh_files.left_out import not_kept
-from meshtide_codec.mesh_files.off_rows import COLOR_INDEX
+from meshtide_codec.mesh_files.off.rows import COLOR_INDEX
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

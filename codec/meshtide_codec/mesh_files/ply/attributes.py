@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import DTypeLike, NDArray
 
-    from meshtide_codec.mesh_files.ply_rows import ListColumn
+    from meshtide_codec.mesh_files.ply.rows import ListColumn
 
 POSITION = ("x", "y", "z")
 CORNER_TEXCOORDS = "texcoord"

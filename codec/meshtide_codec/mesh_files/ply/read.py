@@ -1,7 +1,7 @@
-"""PLY: a mesh from a file of any kind that the format knows, with all its attributes; and back (`ply_write`).
+"""PLY: a mesh from a file of any kind that the format knows, with all its attributes; and back (`write`).
 
-Format: G. Turk, "The PLY Polygon File Format" (1994). A file is a header (`ply_header`) and rows, as text (`ply_text`)
-or in binary form (`ply_rows`): of vertices, whose properties `ply_attributes` names, and of faces (`ply_faces`). Values
+Format: G. Turk, "The PLY Polygon File Format" (1994). A file is a header (`header`) and rows, as text (`text`)
+or in binary form (`rows`): of vertices, whose properties `attributes` names, and of faces (`faces`). Values
 have the type that the header declares, in text as well. Cost: linear in the file.
 """
 
@@ -16,12 +16,11 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.mesh_files.ply_attributes import CORNER_TEXCOORDS, POSITION, TEXTURE_NUMBER, attributes_of, table
-from meshtide_codec.mesh_files.ply_faces import PlyFaces, faces_of, triangles_of_strips
-from meshtide_codec.mesh_files.ply_header import read_header
-from meshtide_codec.mesh_files.ply_rows import Columns, RowReader, Stored
-from meshtide_codec.mesh_files.ply_text import PlyText
-from meshtide_codec.mesh_files.ply_write import write_ply
+from meshtide_codec.mesh_files.ply.attributes import CORNER_TEXCOORDS, POSITION, TEXTURE_NUMBER, attributes_of, table
+from meshtide_codec.mesh_files.ply.faces import PlyFaces, faces_of, triangles_of_strips
+from meshtide_codec.mesh_files.ply.header import read_header
+from meshtide_codec.mesh_files.ply.rows import Columns, RowReader, Stored
+from meshtide_codec.mesh_files.ply.text import PlyText
 from meshtide_codec.scene import Image, Material, Scene
 
 if TYPE_CHECKING:
@@ -31,10 +30,8 @@ if TYPE_CHECKING:
 
     from meshtide_codec.attributes import Attribute
     from meshtide_codec.limits import FileLimits
-    from meshtide_codec.mesh_files.ply_header import PlyElement, PlyHeader
+    from meshtide_codec.mesh_files.ply.header import PlyElement, PlyHeader
     from meshtide_codec.mesh_files.source import Source
-
-__all__ = ["read_ply", "write_ply"]
 
 _READ = ("vertex", "face", "tristrips")
 _SPLATS = ({"f_dc_0", "opacity", "scale_0", "rot_0"}, {"packed_position", "packed_rotation", "packed_scale"})

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.off_rows import OffRows, check_corners, check_triangles, pieces
-from meshtide_codec.mesh_files.off_text import check_dimension
+from meshtide_codec.mesh_files.off.rows import OffRows, check_corners, check_triangles, pieces
+from meshtide_codec.mesh_files.off.text import check_dimension
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.limits import FileLimits
-    from meshtide_codec.mesh_files.off_rows import OffKeyword
+    from meshtide_codec.mesh_files.off.rows import OffKeyword
 
 _MOST_COLORS = 4
 

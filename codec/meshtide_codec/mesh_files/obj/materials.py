@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.mtl_textures import texture_line
-from meshtide_codec.mesh_files.obj_lines import plain_text
-from meshtide_codec.mesh_files.obj_statements import shown_name, without_comment
+from meshtide_codec.mesh_files.obj.lines import plain_text
+from meshtide_codec.mesh_files.obj.statements import shown_name, without_comment
+from meshtide_codec.mesh_files.obj.textures import texture_line
 from meshtide_codec.scene import Image, Material
 
 if TYPE_CHECKING:

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.ply_rows import RowReader, Stored
+from meshtide_codec.mesh_files.ply.rows import RowReader, Stored
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from meshtide_codec.mesh_files.ply_header import PlyElement
+    from meshtide_codec.mesh_files.ply.header import PlyElement
 
 CHUNK = 1 << 20
 """Bytes of text that are parsed at a time."""

@@ -10,15 +10,15 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.mesh_files.obj_statements import shown_name
+from meshtide_codec.mesh_files.obj.statements import shown_name
 from meshtide_codec.mesh_files.polygons import triangulated
 from meshtide_codec.scene import Node, Scene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from meshtide_codec.mesh_files.mtl import Materials
-    from meshtide_codec.mesh_files.obj_statements import Statements
+    from meshtide_codec.mesh_files.obj.materials import Materials
+    from meshtide_codec.mesh_files.obj.statements import Statements
     from meshtide_codec.mesh_files.source import Source
 
 _LABELS = ("object", "group", "smoothing")

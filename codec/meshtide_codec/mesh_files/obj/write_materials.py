@@ -10,7 +10,7 @@ import posixpath
 import re
 from typing import TYPE_CHECKING, Any
 
-from meshtide_codec.mesh_files.mtl_textures import texture_line
+from meshtide_codec.mesh_files.obj.textures import texture_line
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

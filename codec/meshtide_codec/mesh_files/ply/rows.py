@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from meshtide_codec.mesh_files.ply_header import PlyElement
+    from meshtide_codec.mesh_files.ply.header import PlyElement
 
 LONGEST_ROW = (1 << 31) - 1
 """Bytes: what numpy accepts as one row of a table."""

@@ -1,6 +1,6 @@
 """Wavefront OBJ: vertices and faces in the file's own order, wedges as they are written, polygons cut inside.
 
-The file is read in blocks of lines (`obj_lines`), each kind of line of a block at once. What a face means depends on
+The file is read in blocks of lines (`lines`), each kind of line of a block at once. What a face means depends on
 what stands before it, its relative indices on the vertices so far, its group and material on the last statement: the
 lines of a block are counted for that. Format: "Object Files (.obj)", Wavefront Advanced Visualizer manual, appendix B1.
 Cost: linear in the file; memory: the file, the arrays of one block, and less than twice what the scene takes.
@@ -13,27 +13,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files import obj_lines
-from meshtide_codec.mesh_files.mtl import read_materials
-from meshtide_codec.mesh_files.obj_corners import ZeroIndexError, read_corners
-from meshtide_codec.mesh_files.obj_lines import blocks, plain_text
-from meshtide_codec.mesh_files.obj_scene import Parts, obj_scene
-from meshtide_codec.mesh_files.obj_statements import Statements
-from meshtide_codec.mesh_files.obj_write import write_obj
+from meshtide_codec.mesh_files.obj.corners import ZeroIndexError, read_corners
+from meshtide_codec.mesh_files.obj.lines import FACE, NORMAL, NOTHING, OTHER, TEXCOORD, VERTEX, blocks, plain_text
+from meshtide_codec.mesh_files.obj.materials import read_materials
+from meshtide_codec.mesh_files.obj.scene import Parts, obj_scene
+from meshtide_codec.mesh_files.obj.statements import Statements
 from meshtide_codec.mesh_files.text_numbers import NotANumber, decimals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.limits import FileLimits
-    from meshtide_codec.mesh_files.obj_lines import Block, Gathered
+    from meshtide_codec.mesh_files.obj.lines import Block, Gathered
     from meshtide_codec.mesh_files.source import Source
     from meshtide_codec.scene import Scene
 
-__all__ = ["read_obj", "write_obj"]
-
 _SHOWN = 60  # bytes of a line that a message shows
-_KINDS = (obj_lines.VERTEX, obj_lines.TEXCOORD, obj_lines.NORMAL)
+_KINDS = (VERTEX, TEXCOORD, NORMAL)
 _NAMES = ("vertex", "texture coordinate", "normal")
 _PLURALS = ("vertices", "texture coordinates", "normals")
 _LEAST = (3, 1, 3)  # numbers in a line of each kind
@@ -78,7 +74,7 @@ class _Reading:
         self._highest = [0, 0, 0]  # index from 1 that a face has named
         self._triangles = 0
         self._faces = 0
-        self._last = obj_lines.NOTHING
+        self._last = NOTHING
         self._crowded = 0
 
     def take(self, block: Block) -> None:
@@ -93,12 +89,12 @@ class _Reading:
                 values, counts = self._numbers(block, lines, place)
                 self._keep_rows(place, values, counts)
         self._limits.check("vertices", self._sizes[0])
-        lines = block.gathered(obj_lines.FACE)
+        lines = block.gathered(FACE)
         if lines is not None:
             self._take_faces(block, lines)
-        others = np.flatnonzero(block.kinds == obj_lines.OTHER)
+        others = np.flatnonzero(block.kinds == OTHER)
         if len(others):
-            faces = np.cumsum(block.kinds == obj_lines.FACE)[others] + self._faces
+            faces = np.cumsum(block.kinds == FACE)[others] + self._faces
             for line, face in zip(others.tolist(), faces.tolist(), strict=True):
                 self.statements.take(block.line(line), face)
         self._faces += 0 if lines is None else len(lines.lines)
@@ -183,7 +179,7 @@ class _Reading:
         for place in range(3):
             if self._highest[place] > self._sizes[place]:
                 raise _beyond(text, place, self._sizes[place])
-        if not text.endswith(b"\n") and self._last in {*_KINDS, obj_lines.FACE}:
+        if not text.endswith(b"\n") and self._last in {*_KINDS, FACE}:
             source.note("the last line has no end: the file may be cut short")
         if self._crowded:
             source.note(f"vertices with 5, 8 or more numbers: {self._crowded}; of 5 the first 3 are read, of others 7")
@@ -227,7 +223,7 @@ def _rows(values: NDArray[np.float64], counts: NDArray[np.int64], width: int) ->
 def _beyond(text: bytes, place: int, size: int) -> MeshFileError:
     """The error for the first face that names a row past the last; such a face has been seen."""
     for block in blocks(text):
-        lines = block.gathered(obj_lines.FACE)
+        lines = block.gathered(FACE)
         if lines is None:
             continue
         corners = read_corners(lines.text)

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.mesh_files.mtl import parse_mtl
-from meshtide_codec.mesh_files.mtl_write import image_files, mtl_text, unique_names, written_name
-from meshtide_codec.mesh_files.obj_statements import without_comment
+from meshtide_codec.mesh_files.obj.materials import parse_mtl
+from meshtide_codec.mesh_files.obj.statements import without_comment
+from meshtide_codec.mesh_files.obj.write_materials import image_files, mtl_text, unique_names, written_name
 from meshtide_codec.scene import Image, Material, Scene
 
 MESH = Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])

@@ -17,10 +17,9 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.mesh_files.off_binary import read_binary_rows
-from meshtide_codec.mesh_files.off_rows import COLOR_INDEX, OffKeyword
-from meshtide_codec.mesh_files.off_text import read_text_rows
-from meshtide_codec.mesh_files.off_writing import write_off
+from meshtide_codec.mesh_files.off.binary import read_binary_rows
+from meshtide_codec.mesh_files.off.rows import COLOR_INDEX, OffKeyword
+from meshtide_codec.mesh_files.off.text import read_text_rows
 from meshtide_codec.mesh_files.polygons import triangulated
 from meshtide_codec.mesh_files.words import plain_text, without_comments
 from meshtide_codec.scene import Scene
@@ -29,10 +28,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.limits import FileLimits
-    from meshtide_codec.mesh_files.off_rows import OffRows
+    from meshtide_codec.mesh_files.off.rows import OffRows
     from meshtide_codec.mesh_files.source import Source
-
-__all__ = ["read_off", "write_off"]
 
 _KEYWORD = re.compile(rb"\s*([STCN4n]*)(OFF)(?=[\s\d]|$|BINARY)([^\S\n]*BINARY[^\n]*\n)?", re.IGNORECASE)
 _COMMENTS = re.compile(rb"(?:\s|#[^\n]*\n)*")

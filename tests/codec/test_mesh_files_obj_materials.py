@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from meshtide_codec.limits import FileLimits
-from meshtide_codec.mesh_files import mtl
-from meshtide_codec.mesh_files.mtl import parse_mtl, read_materials
+from meshtide_codec.mesh_files.obj import materials
+from meshtide_codec.mesh_files.obj.materials import parse_mtl, read_materials
 from meshtide_codec.mesh_files.source import Source
 from meshtide_codec.scene import Scene
 from obj_files import read_bytes
@@ -154,7 +154,7 @@ def test_many_names_of_files_are_not_all_looked_for(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(Source, "beside", lambda _self, reference, _limits: looked.append(reference))
     source = Source("a.obj", ".obj", b"", tmp_path)
     read_materials(source, FileLimits(), [f"{i}.mtl".encode() for i in range(1000)], [])
-    assert len(looked) == mtl._MOST_LIBRARIES
+    assert len(looked) == materials._MOST_LIBRARIES
     assert source.notes[0].startswith("material files: 1000 are named, the first 64")
     library = "newmtl a\n" + "".join(f"map_Kd {i}.png\n" for i in range(3000))
     monkeypatch.setattr(
@@ -162,7 +162,7 @@ def test_many_names_of_files_are_not_all_looked_for(tmp_path: Path, monkeypatch:
     )
     looked.clear()
     found = read_materials(source, FileLimits(), [b"a"], [])
-    assert (len(looked), len(found.images)) == (mtl._MOST_IMAGES, 3000)
+    assert (len(looked), len(found.images)) == (materials._MOST_IMAGES, 3000)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="names of files are bytes there")

@@ -27,14 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.off_rows import OffRows, check_corners, check_triangles, pieces
+from meshtide_codec.mesh_files.off.rows import OffRows, check_corners, check_triangles, pieces
 from meshtide_codec.mesh_files.words import Words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from meshtide_codec.limits import FileLimits
-    from meshtide_codec.mesh_files.off_rows import OffKeyword
+    from meshtide_codec.mesh_files.off.rows import OffKeyword
 
 _COUNTS = re.compile(rb"\s*\+?(\d{1,18})(?!\S)(\s+)\+?(\d{1,18})(?!\S)([^\S\n]+\S+)?([^\S\n]*\n)?")
 _DIMENSION = re.compile(rb"\s*(\d{1,9})(?!\S)")

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from meshtide_codec.mesh_files.mtl_textures import texture_line
+from meshtide_codec.mesh_files.obj.textures import texture_line
 
 
 @pytest.mark.parametrize(

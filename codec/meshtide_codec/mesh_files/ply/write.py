@@ -1,6 +1,6 @@
 """A scene as a PLY file: binary, little endian, positions in double precision, attributes in their own types.
 
-Values of vertices and faces become properties under the names that other programs know (`ply_attributes`), texture
+Values of vertices and faces become properties under the names that other programs know (`attributes`), texture
 coordinates of corners a list of each face as MeshLab writes them, textures comments. Values of corners that are the
 same all around a vertex become those of the vertex. The same scene gives the same bytes. Cost: linear in the mesh.
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.mesh_files.formats import Written
-from meshtide_codec.mesh_files.ply_attributes import (
+from meshtide_codec.mesh_files.ply.attributes import (
     COLORS,
     CORNER_TEXCOORDS,
     NORMALS,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.mesh import Mesh
-    from meshtide_codec.mesh_files.ply_attributes import Meaning
+    from meshtide_codec.mesh_files.ply.attributes import Meaning
     from meshtide_codec.scene import Image, Scene
 
 _INDICES = "vertex_indices"

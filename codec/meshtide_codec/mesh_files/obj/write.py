@@ -12,7 +12,7 @@ import numpy as np
 
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.mesh_files.formats import Written
-from meshtide_codec.mesh_files.mtl_write import image_files, mtl_text, unique_names, written_name
+from meshtide_codec.mesh_files.obj.write_materials import image_files, mtl_text, unique_names, written_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
