@@ -146,6 +146,16 @@ def test_integers_beyond_plain_gltf_ask_for_quantization() -> None:
     assert read(data).geometries[0].attributes[0].values.dtype == np.int8
 
 
+def test_what_is_not_kept_is_told_in_one_line() -> None:
+    inner = np.array([[False, False, True], [True, False, False]])
+    five = Attribute("five", Kind.SCALAR, Domain.VERTEX, np.ones((4, 5)))
+    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    mesh = Mesh.checked(square, [[0, 1, 2], [0, 2, 3]], [five], polygons=inner)
+    scene = Scene((mesh,), (Node(0), Node(0)), (0, 1), (Material("a"),), document={"animations": [{}]})
+    line = "five (4), 1 animation, 1 polygon (now triangles): not kept"
+    assert write_gltf(scene, "a.glb").notes == (line,)
+
+
 def test_points_are_written_as_points() -> None:
     data = write_gltf(Scene.of(Mesh.checked([[1, 2, 3]], [])), "a.glb").data
     assert text_of(data)["meshes"][0]["primitives"][0]["mode"] == 0

@@ -363,7 +363,7 @@ def test_a_texture_that_may_not_be_read_is_told(tmp_path: Path, monkeypatch: pyt
     (tmp_path / "a.png").touch()
     data = ply(vertex(), face([0, 1, 2]), style=Style(lines=[b"comment TextureFile a.png"]))
     _, notes = read(data, folder=tmp_path)
-    assert notes == ["the texture 'a.png' is not read: Permission denied"]
+    assert notes == ["the texture 'a.png' is not read: the file names 'a.png', which cannot be read: Permission denied"]
 
 
 def test_texture_numbers_that_name_nothing_stay_a_label() -> None:

@@ -47,7 +47,7 @@ def test_what_is_not_kept_is_told() -> None:
     rounding = np.abs(mesh.vertices - mesh.vertices.astype(np.float32)).max()
     assert written.notes == (
         f"positions are rounded to single precision, by {rounding:.2g} at most",
-        "colours (25), 1 material, 16 polygons: not kept",
+        "colours (25), 1 material, 16 polygons (now triangles): not kept",
     )
 
 

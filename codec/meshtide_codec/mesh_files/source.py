@@ -82,6 +82,8 @@ class Source:
                 raise MeshFileError(f"the file names {shown!r}, which is no regular file")
             with path.open("rb") as file:
                 return read_bounded(file, limits)
+        except UnicodeEncodeError as error:
+            raise MeshFileError(f"the file names {shown!r}, which cannot be read: no file can be called so") from error
         except (OSError, RuntimeError, ValueError) as error:  # a name that is too long, a circle of links, no right
             reason = getattr(error, "strerror", None) or type(error).__name__
             raise MeshFileError(f"the file names {shown!r}, which cannot be read: {reason}") from error

@@ -163,17 +163,10 @@ def opened(uri: str, source: Source, limits: FileLimits, place: str) -> bytes | 
     if _SCHEME.match(uri):
         raise MeshFileError(f"{place} names '{shown(uri)}'; only files beside {source.name} are read")
     for name in dict.fromkeys((unquote(uri), uri)):
-        try:
-            data = source.beside(name, limits)
-        except (OSError, ValueError, RuntimeError) as error:  # no name of a file, too long, links in a circle
-            raise MeshFileError(f"{place} names '{shown(name)}', which cannot be read: {_reason(error)}") from error
+        data = source.beside(name, limits)
         if data is not None:
             return data
     return None
-
-
-def _reason(error: Exception) -> str:
-    return (isinstance(error, OSError) and error.strerror) or "no file can be called so"
 
 
 def _data(uri: str, place: str) -> bytes:

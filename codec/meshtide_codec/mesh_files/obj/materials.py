@@ -174,7 +174,7 @@ class _Folder:
     def _bytes(self, reference: str) -> bytes | None:
         try:
             return self._source.beside(reference, self._limits)
-        except (MeshFileError, OSError, ValueError, RuntimeError):  # elsewhere, unreadable, or no name of a file
+        except MeshFileError:  # elsewhere, unreadable, or no name of a file
             self._refused.append(reference)
             return None
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.mesh_files.formats import Written
+from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.obj.write_materials import image_files, mtl_text, unique_names, written_name
 
 if TYPE_CHECKING:
@@ -46,7 +47,9 @@ def write_obj(scene: Scene, name: str) -> Written:
     normal = _first(mesh, Kind.NORMAL, {3}, set(Domain))
     labels = [one for one in mesh.attributes if _is_label(one)]
     kept = [one for one in (color, texcoord, normal, *labels) if one is not None]
-    notes = _notes(scene, [one for one in mesh.attributes if one not in kept])
+    others = [one for one in mesh.attributes if one not in kept]
+    shown = ["materials", "images"] if scene.materials else []
+    notes = not_kept(scene, others, kept=["polygons", *shown])
     parts = ["# written by meshtide\n"]
     companions: dict[str, bytes] = {}
     materials = unique_names([material.name for material in scene.materials], "material")
@@ -59,8 +62,6 @@ def write_obj(scene: Scene, name: str) -> Written:
         parts.append(f"mtllib {library}\n")
         if poorer:
             notes.append(f"materials with properties that MTL has no words for: {poorer}")
-    elif scene.images:
-        notes.append(f"images that no material names are not kept: {len(scene.images)}")
     title = written_name(scene.names[0]) if len(scene.names) == 1 else ""
     if title and not any(one.name == "object" for one in labels):
         parts.append(f"o {title}\n")
@@ -86,17 +87,6 @@ def _is_label(attribute: Attribute) -> bool:
         and attribute.name in _LABELS
         and attribute.values.shape[1] == 1
     )
-
-
-def _notes(scene: Scene, others: Sequence[Attribute]) -> list[str]:
-    notes = []
-    if others:
-        listed = ", ".join(f"{one.name} ({len(one.values)} values of {one.domain})" for one in others)
-        notes.append(f"attributes that OBJ cannot hold are not kept: {listed}")
-    shown = sum(1 for _ in scene.placements())
-    if shown > 1:
-        notes.append(f"{shown} placed meshes are written as one")
-    return notes
 
 
 def _vertices(mesh: Mesh, color: Attribute | None) -> list[str]:

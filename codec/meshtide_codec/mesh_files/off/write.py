@@ -12,7 +12,7 @@ import numpy as np
 
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.mesh_files.formats import Written
-from meshtide_codec.mesh_files.left_out import not_kept
+from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.off.rows import COLOR_INDEX
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def write_off(scene: Scene, name: str) -> Written:  # noqa: ARG001 - nothing is 
     parts += [row % values for values in zip(*columns, strict=True)]
     parts += rows
     left = [one for one in mesh.attributes if not any(one is other for other in kept)]
-    return Written("".join(parts).encode(), notes=tuple(not_kept(scene, left)))
+    return Written("".join(parts).encode(), notes=tuple(not_kept(scene, left, kept=["polygons"])))
 
 
 def _first(mesh: Mesh, kind: Kind, domain: Domain, widths: tuple[int, ...]) -> Attribute | None:

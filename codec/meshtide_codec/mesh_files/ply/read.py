@@ -222,9 +222,6 @@ def _image(source: Source, name: str, limits: FileLimits) -> Image:
     except MeshFileError as error:
         source.note(f"the texture {shown} is not read: {error}")
         return Image(name, b"")
-    except OSError as error:
-        source.note(f"the texture {shown} is not read: {error.strerror}")
-        return Image(name, b"")
     if data is None:
         source.note(f"the texture {shown} is not there")
         return Image(name, b"")

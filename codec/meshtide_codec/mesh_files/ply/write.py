@@ -17,6 +17,7 @@ import numpy as np
 
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.mesh_files.formats import Written
+from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.ply.attributes import (
     COLORS,
     CORNER_TEXCOORDS,
@@ -95,6 +96,7 @@ def write_ply(scene: Scene, name: str) -> Written:
     outlines = _Outlines.of(mesh)
     vertices, faces = _Rows(Domain.VERTEX), _Rows(Domain.FACE)
     texcoords: Attribute | None = None
+    lost: list[Attribute] = []
     for one in mesh.attributes:
         if one.domain is Domain.CORNER:
             if one.kind is Kind.TEXCOORD and one.values.shape[1] == 2 and texcoords is None:
@@ -102,7 +104,7 @@ def write_ply(scene: Scene, name: str) -> Written:
             elif (around := _around_vertices(mesh, one)) is not None:
                 _add(vertices, around, notes)
             else:
-                notes.append(f"{one.name}: differs between the corners of a vertex, not kept")
+                lost.append(one)  # it differs between the corners of a vertex
         elif one.domain is Domain.VERTEX:
             _add(vertices, one, notes)
         else:
@@ -130,7 +132,8 @@ def write_ply(scene: Scene, name: str) -> Written:
         "end_header\n",
     ]
     data = "\n".join(header).encode() + _vertex_rows(mesh, vertices) + rows
-    return Written(data, companions, tuple(notes))
+    shown = ["materials", "images"] if images else []
+    return Written(data, companions, (*not_kept(scene, lost, kept=["polygons", *shown]), *notes))
 
 
 def _comment_lines(comments: Sequence[str], scene: Scene) -> list[str]:
@@ -233,7 +236,7 @@ def _textures(scene: Scene, mesh: Mesh, notes: list[str]) -> tuple[list[Image], 
     shown = [_image_of(scene, dict(each.properties)) for each in scene.materials]
     used = sorted({each for each in shown if each is not None})
     plain = all(set(each.properties) <= {"pbrMetallicRoughness"} for each in scene.materials)
-    if not plain or None in shown:
+    if used and (not plain or None in shown):
         notes.append(f"materials ({len(scene.materials)}): of these only textures are kept")
     numbers = np.array([NONE if each is None else used.index(each) for each in shown] + [NONE])
     of_faces = numbers[np.minimum(mesh.materials, len(shown))]

@@ -11,7 +11,7 @@ import numpy as np
 
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.formats import Written
-from meshtide_codec.mesh_files.left_out import not_kept
+from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.stl.read import FACET, HEADER
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def write_stl(scene: Scene, name: str) -> Written:  # noqa: ARG001 - nothing is 
     rows = np.zeros(len(mesh.faces), FACET)
     rows["corners"] = single[mesh.faces]
     rows["normal"] = _normals(mesh.vertices[mesh.faces])
-    notes = not_kept(scene, mesh.attributes, polygons=int((mesh.outlines()[1] > 3).sum()))
+    notes = not_kept(scene)
     rounding = float(np.abs(single - mesh.vertices).max()) if len(single) else 0.0
     if rounding:
         notes.insert(0, f"positions are rounded to single precision, by {rounding:.2g} at most")
