@@ -169,12 +169,8 @@ def _faces(
     words: Words, start: int, faces: int, vertices: int, limits: FileLimits, notes: list[str]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Corners of each face, all corners, values of each face's colour, all of these."""
-    stop = words.count
-    try:
-        values = words.integers(start, stop)
-    except MeshFileError:
-        stop = words.first_bad(start, stop)  # it may stand behind the last face
-        values = words.integers(start, stop)
+    values = words.leading(start, words.count)
+    stop = start + len(values)  # what is no number may stand behind the last face
     breaks = words.first[(words.first > start) & (words.first < stop)].astype(np.int64) - start
     lines = np.concatenate([np.zeros(min(1, len(values)), np.int64), breaks])
 

@@ -1,18 +1,19 @@
 """The words of a PLY file in text form as rows of 64-bit numbers, which are then read like those of a binary file.
 
-Rows are a stream of words, however the lines are broken. A megabyte of text is parsed at a time. Cost: O(bytes).
+Rows are a stream of words, however the lines are broken. A megabyte of text is looked at at a time, as `Words`, which
+knows the lines of a whole text, would take several times its size. Cost: O(bytes).
 """
 
 from __future__ import annotations
 
 import re
-import warnings
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.ply.rows import RowReader, Stored
+from meshtide_codec.mesh_files.text_numbers import BLANK, leading_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,21 +25,9 @@ CHUNK = 1 << 20
 _WORD_BYTES = 8
 _TYPICAL_WORD = 10
 _SHOWN = 40
-_SPACES = b" \t\n\r\v\f"
-_OLD_ENDS = b"\0\x1a"
-_NUMERIC = np.zeros(256, bool)
-_NUMERIC[list(b"0123456789+-.eE" + _SPACES)] = True
-_BLANK = re.compile(rb"[ \t\n\r\v\f]")
+_BLANKS = bytes(range(BLANK + 1))
+_GAP = re.compile(rb"[\x01-\x20]")
 _LINE_ENDS = re.compile(rb"\r\n?|\n")
-_SPACE = np.zeros(256, bool)
-_SPACE[list(_SPACES)] = True
-_LARGEST = np.iinfo(np.int64).max
-_SPELLINGS = {
-    **dict.fromkeys((b"nan(ind)", b"-nan(ind)", b"1.#ind", b"-1.#ind", b"1.#qnan", b"-1.#qnan", b"1.#snan"), np.nan),
-    b"1.#inf": np.inf,
-    b"-1.#inf": -np.inf,
-}
-"""How C libraries write what is no number."""
 
 
 class PlyText:
@@ -52,6 +41,7 @@ class PlyText:
     def __init__(self, data: bytes, at: int) -> None:
         self.at = at
         self._data = data
+        self._raw = np.frombuffer(data, np.uint8)
         self._body = at
 
     def read(self, element: PlyElement) -> RowReader:
@@ -88,19 +78,19 @@ class PlyText:
         raise MeshFileError(f"line {self._line_at(place)}: {shown!r} is no number")
 
     def rest(self) -> int:
-        """How many bytes follow the last row, but for blanks and what old systems end text with."""
-        return len(self._data[self.at :].strip(_SPACES + _OLD_ENDS))
+        """How many bytes follow the last row, but for blanks."""
+        return len(self._data[self.at :].strip(_BLANKS))
 
     def ends_with_a_line(self) -> bool:
         """Whether something stands after the last word, so that it is whole."""
-        return self._data[-1:] in _SPACES + _OLD_ENDS
+        return self._data[-1:] in _BLANKS
 
     def line(self, word: int) -> int:
         """The number, from 1, of the file's line that the word of that number of the rows stands in."""
         at = self._body
         while at < len(self._data):
             end = self._cut(at + CHUNK)
-            starts = _starts(self._data[at:end])
+            starts = _starts(self._raw[at:end])
             if word < len(starts):
                 return self._line_at(at + int(starts[word]))
             word -= len(starts)
@@ -112,54 +102,23 @@ class PlyText:
 
     def _cut(self, end: int) -> int:
         """The first place from there on that no word goes across."""
-        found = _BLANK.search(self._data, end)
+        found = _GAP.search(self._data, end)
         return len(self._data) if found is None else found.start()
 
     def _parsed(self, begin: int, end: int, kind: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
         """The numbers of a part of the text as far as its words are any, and where each word begins in it."""
-        text = self._data[begin:end]
+        text = self._raw[begin:end]
         starts = _starts(text)
-        if len(starts) == 0:
-            return np.zeros(0, kind), starts
-        if _NUMERIC[np.frombuffer(text, np.uint8)].all():
-            numbers = _simple_numbers(text, kind)
-            saturated = kind.kind == "i" and (numbers == _LARGEST).any()
-            if len(numbers) == len(starts) and not saturated:
-                return numbers, starts
-        doubles = np.empty(len(starts))
-        for place, word in enumerate(text.split()):
-            number = _number(word)
-            if number is None:
-                return doubles[:place], starts
-            doubles[place] = number
-        return doubles, starts
+        return leading_numbers(text, starts, len(text), whole=kind.kind == "i"), starts
 
 
 def _stored(element: PlyElement, kind: np.dtype[Any]) -> list[Stored]:
     return [Stored(kind, None if one.length is None else kind) for one in element.properties]
 
 
-def _starts(text: bytes) -> NDArray[np.int64]:
+def _starts(text: NDArray[np.uint8]) -> NDArray[np.int64]:
     """Where each word begins."""
-    blank = _SPACE[np.frombuffer(b" " + text, np.uint8)]
-    return np.flatnonzero(blank[:-1] & ~blank[1:])
-
-
-def _simple_numbers(text: bytes, kind: np.dtype[Any]) -> NDArray[Any]:
-    """The numbers of a text in the words of the type; fewer than it has words where one of these is another."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of a numpy that does not raise yet
-        try:
-            return np.fromstring(text, kind, sep=" ")
-        except ValueError:
-            return np.zeros(0, kind)
-
-
-def _number(word: bytes) -> float | None:
-    """The number that a word is, or None if it is none."""
-    if b"_" in word:
-        return None
-    try:
-        return float(word)
-    except ValueError:
-        return _SPELLINGS.get(word.lower())
+    inside = (text > BLANK) | (text == 0)
+    begins = inside.copy()
+    begins[1:] &= ~inside[:-1]
+    return np.flatnonzero(begins)

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.words import Words, parsed_numbers, plain_text
+from meshtide_codec.mesh_files.text_numbers import BLANK, leading_numbers
+from meshtide_codec.mesh_files.words import plain_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.limits import FileLimits
 
-_BLANK = 32
 _INT32 = 1 << 31
 _FACET = re.compile(rb"\sfacet\s+normal\s+[-+.\dni]")
 _NUMBER_STARTS = np.zeros(256, bool)
@@ -40,8 +40,8 @@ def read_text_corners(data: bytes, limits: FileLimits) -> tuple[NDArray[np.float
     """
     text, ended = _without_names(plain_text(data).lower())
     raw = np.frombuffer(text, np.uint8)
-    begins = raw > _BLANK
-    begins[1:] &= raw[:-1] <= _BLANK
+    begins = raw > BLANK
+    begins[1:] &= raw[:-1] <= BLANK
     starts: NDArray[np.signedinteger] = np.flatnonzero(begins).astype(np.int32 if len(raw) < _INT32 else np.int64)
     del begins
     letters = np.flatnonzero(~_NUMBER_STARTS[raw[starts]])  # words that are no numbers, but nan and inf
@@ -93,7 +93,7 @@ def _are(raw: NDArray[np.uint8], starts: NDArray[np.signedinteger], word: bytes)
     for place, byte in enumerate(word[1:], start=1):
         fitting &= raw[np.minimum(candidates + place, len(raw) - 1)] == byte
     behind = candidates + len(word)
-    fitting &= (behind >= len(raw)) | (raw[np.minimum(behind, len(raw) - 1)] <= _BLANK)
+    fitting &= (behind >= len(raw)) | (raw[np.minimum(behind, len(raw) - 1)] <= BLANK)
     same[same] = fitting
     return same
 
@@ -122,15 +122,16 @@ def _numbers(
         kept[places + step] = True
     lengths = np.diff(starts, append=starts.dtype.type(len(raw)))  # of words with the blanks behind them
     chosen = np.repeat(kept, lengths)
+    own = lengths[kept]
+    ends = np.cumsum(own, dtype=starts.dtype)
     del kept, lengths
-    text = raw[starts[0] :][chosen].tobytes()
+    text = raw[starts[0] :][chosen]
     del chosen
-    values = parsed_numbers(text, 3 * len(places), np.dtype(np.float64))
-    if values is None:
-        vertex = Words(text).first_bad(0, 3 * len(places)) // 3
+    values = leading_numbers(text, ends - own, len(text))
+    if len(values) < 3 * len(places):
+        vertex = len(values) // 3
         line = int((raw[: starts[places[vertex]]] == ord("\n")).sum()) + 1
         raise MeshFileError(
             f"line {line}: vertex {vertex % 3} of facet {vertex // 3} of the STL file has not three numbers"
         )
-    corners: NDArray[np.float64] = values.reshape(-1, 3)
-    return corners
+    return values.astype(np.float64, copy=False).reshape(-1, 3)
