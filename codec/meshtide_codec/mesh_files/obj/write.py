@@ -150,9 +150,12 @@ def _faces(
         lines = [f"f {a} {b} {c}\n" for a, b, c in zip(words[0::3], words[1::3], words[2::3], strict=True)]
         triangles = np.arange(len(lines))
     else:
-        outlines = mesh.polygon_corners()
-        lines = [f"f {' '.join([words[corner] for corner in outline])}\n" for outline in outlines]
-        triangles = np.array([outline[0] // 3 for outline in outlines], np.int64)
+        corners, counts = mesh.outlines()
+        around = [words[corner] for corner in corners.tolist()]
+        ends = np.cumsum(counts)
+        spans = zip((ends - counts).tolist(), ends.tolist(), strict=True)
+        lines = [f"f {' '.join(around[start:end])}\n" for start, end in spans]
+        triangles = corners[ends - counts] // 3
     for attribute in reversed(labels):
         rows, names = _labelled(attribute)
         _put_before(lines, _LABELS[attribute.name], rows[triangles], names)

@@ -15,7 +15,7 @@ from meshtide_codec.mesh_files.ply.attributes import (
     attributes_of,
     corner_texcoords,
 )
-from meshtide_codec.mesh_files.polygons import Triangulation, triangulated
+from meshtide_codec.mesh_files.polygons import triangulated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -35,7 +35,7 @@ _INDEX_LISTS = (
     "indices",
 )
 _BLOCK = 1 << 14
-"""Rows that are converted or cut at a time, so that they are still in the processor's cache when they are looked at."""
+"""Rows that are converted at a time, so that they are still in the processor's cache when they are looked at."""
 _NO_VERTEX = -1
 """What ends a strip of triangles, so that another begins."""
 
@@ -103,7 +103,7 @@ def faces_of(
     elif corners.ndim == 1 or corners.shape[1] != 3:
         limits.check("faces", int(np.maximum(counts - 2, 0).sum()))
         flat = corners.reshape(-1)
-        cut = _cut(vertices, counts, flat)
+        cut = triangulated(vertices, counts, flat)
         places, polygon, inner = cut.corners, cut.polygon, cut.inner
         triangles = places.copy() if CORNER_TEXCOORDS in columns.lists else places
         for begin in range(0, len(triangles), _BLOCK):
@@ -121,24 +121,6 @@ def faces_of(
         kind = Kind.LABEL if one.name == TEXTURE_NUMBER and one.values.dtype.kind in "iu" else one.kind
         attributes.append(replace(one, kind=kind, indices=polygon))
     return PlyFaces(triangles, tuple(attributes), _textures(attributes), inner, tuple(notes))
-
-
-def _cut(vertices: NDArray[np.float64], counts: NDArray[np.int64], corners: NDArray[Any]) -> Triangulation:
-    """The triangles of all polygons, cut some at a time: what that takes is much larger than they are."""
-    most = int(np.maximum(counts - 2, 0).sum())
-    triangles, polygon, inner = np.empty((most, 3), np.int64), np.empty(most, np.int64), np.zeros((most, 3), bool)
-    filled = passed = degenerate = 0
-    for begin in range(0, len(counts), _BLOCK):
-        some = counts[begin : begin + _BLOCK]
-        size = int(some.sum())
-        part = triangulated(vertices, some, corners[passed : passed + size])
-        rows = slice(filled, filled + len(part.polygon))
-        np.add(part.corners, passed, out=triangles[rows])
-        np.add(part.polygon, begin, out=polygon[rows])
-        if part.inner is not None:
-            inner[rows] = part.inner
-        filled, passed, degenerate = rows.stop, passed + size, degenerate + part.degenerate
-    return Triangulation(triangles[:filled], polygon[:filled], inner[:filled] if inner.any() else None, degenerate)
 
 
 def _textures(attributes: list[Attribute]) -> NDArray[np.int64] | None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -165,9 +164,7 @@ class _Outlines:
         count = len(mesh.faces)
         if mesh.polygons is None or not mesh.polygons.any():
             return cls(np.full(count, 3), np.arange(3 * count), np.arange(count), whole=True)
-        outlines = mesh.polygon_corners()
-        counts = np.fromiter((len(each) for each in outlines), np.int64, len(outlines))
-        corners = np.fromiter(chain.from_iterable(outlines), np.int64, int(counts.sum()))
+        corners, counts = mesh.outlines()
         triangles = corners[np.cumsum(counts) - counts] // 3
         follow = np.cumsum(counts - 2) - (counts - 2)
         within = np.repeat(follow, counts) <= corners // 3
