@@ -97,7 +97,7 @@ class Buffers:
         Raises:
             MeshFileError: it is more than a hundred times the file, or more than the limits allow.
         """
-        held = self._held + len(self.source.data)
+        held = self._held + len(self.source.content)
         most = min(self.limits.file_bytes, max(_FREE_EXPANSION, _LARGEST_EXPANSION * held))
         if size > most - self._made:
             raise MeshFileError(f"{what} makes {size} bytes, more than a file of {held} bytes may")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _MOST_COLORS = 4
 
 
-def read_binary_rows(data: bytes, offset: int, keyword: OffKeyword, limits: FileLimits) -> OffRows:
+def read_binary_rows(data: memoryview, offset: int, keyword: OffKeyword, limits: FileLimits) -> OffRows:
     """The rows of a binary OFF file.
 
     Args:

@@ -50,9 +50,9 @@ def read_off(source: Source, limits: FileLimits) -> Scene:
     >>> read_off(Source("square.off", ".off", data), FileLimits()).mesh().polygons_as_lists()
     [[0, 1, 2, 3]]
     """
-    keyword, offset, binary = _keyword(source.data)
+    keyword, offset, binary = _keyword(source.view)
     if binary:
-        rows = read_binary_rows(source.data, offset, keyword, limits)
+        rows = read_binary_rows(source.view, offset, keyword, limits)
     else:
         text = without_comments(plain_text(source.data))
         keyword, offset, _ = _keyword(text)
@@ -65,19 +65,19 @@ def read_off(source: Source, limits: FileLimits) -> Scene:
     return Scene.of(mesh)
 
 
-def _keyword(data: bytes) -> tuple[OffKeyword, int, bool]:
+def _keyword(data: bytes | memoryview) -> tuple[OffKeyword, int, bool]:
     """What the keyword announces, where it ends, and whether binary rows follow it.
 
     In a keyword of lower case every letter is read as upper case, so none announces a dimension.
     """
-    start = 3 if data.startswith(b"\xef\xbb\xbf") else 0
+    start = 3 if data[:3] == b"\xef\xbb\xbf" else 0
     comments = _COMMENTS.match(data, start)
     start = comments.end() if comments else start
     found = _KEYWORD.match(data, start)
     if found is None:
-        if data[start : start + 1].isdigit():
+        if bytes(data[start : start + 1]).isdigit():
             return OffKeyword(), start, False
-        if data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+        if bytes(data[:2]) in {b"\xff\xfe", b"\xfe\xff"}:
             return OffKeyword(), start, False  # UTF-16, looked at again as text
         raise MeshFileError("the file does not begin with OFF")
     prefix = found[1].decode() if found[2] == b"OFF" else found[1].decode().upper()

@@ -119,7 +119,7 @@ class PlyHeader:
         return next((one for one in self.elements if one.name.lower() == name), None)
 
 
-def read_header(data: bytes) -> PlyHeader:
+def read_header(data: bytes | memoryview) -> PlyHeader:
     r"""The header at the begin of a file.
 
     Raises:
@@ -156,13 +156,13 @@ def read_header(data: bytes) -> PlyHeader:
     raise MeshFileError(f"the PLY header has no end_header within its first {LONGEST_HEADER} bytes")
 
 
-def _lines(data: bytes) -> Iterator[tuple[int, int, str]]:
+def _lines(data: bytes | memoryview) -> Iterator[tuple[int, int, str]]:
     """Lines of the header: their numbers from 1, where the next one begins, and their text.
 
     Where the first line ends in CR alone all do, so that a binary row after it may begin with the byte of LF.
     """
-    start = len(_MARK) if data.startswith(_MARK) else 0
-    head = data[: start + LONGEST_HEADER]
+    start = len(_MARK) if data[: len(_MARK)] == _MARK else 0
+    head = bytes(data[: start + LONGEST_HEADER])
     ends = _LINE_END
     number = 0
     while (found := ends.search(head, start)) is not None:

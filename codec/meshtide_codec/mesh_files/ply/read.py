@@ -47,13 +47,13 @@ def read_ply(source: Source, limits: FileLimits) -> Scene:
         MeshFileError: the header is not understood, declares more than the file holds or the limits allow, or no
             mesh: points without faces are none.
     """
-    header = read_header(source.data)
+    header = read_header(source.view)
     for note in header.notes:
         source.note(note)
     vertex, face, strips = (header.element(name) for name in _READ)
     limits.check_counts(vertex.count if vertex else 0, face.count if face else 0)
     _refuse_what_is_no_mesh(header)
-    _check_size(header, len(source.data))
+    _check_size(header, len(source.content))
     body = _Body(source, header)
     columns = {element.name.lower(): body.read(element) for element in header.elements}
     body.finish()
@@ -121,7 +121,7 @@ class _Body:
     def __init__(self, source: Source, header: PlyHeader) -> None:
         self._source = source
         self._header = header
-        self._bytes = np.frombuffer(source.data, np.uint8)
+        self._bytes = np.frombuffer(source.view, np.uint8)
         self._at = header.body
         self._text = PlyText(source.data, header.body) if header.is_text else None
         self._words = {element.name: 0 for element in header.elements}
@@ -152,7 +152,7 @@ class _Body:
 
     def finish(self) -> None:
         """Tell what stands after the last row."""
-        rest = len(self._source.data) - self._at if self._text is None else self._text.rest()
+        rest = len(self._source.content) - self._at if self._text is None else self._text.rest()
         if rest:
             self._source.note(f"{rest} bytes after the last row: not read")
         elif self._text is not None and not self._text.ends_with_a_line():

@@ -47,12 +47,12 @@ def read_stl(source: Source, limits: FileLimits) -> Scene:
     Raises:
         MeshFileError: it is none, is cut short, or claims too much.
     """
-    data = source.data
+    data = source.view
     facets = int.from_bytes(data[HEADER:_FACETS], "little") if len(data) >= _FACETS else 0
     size = _FACETS + FACET.itemsize * facets
     if len(data) != size or facets == 0:
-        if _TEXT.match(data) and b"\0" not in data[:_LOOKED_AT]:
-            corners, notes = read_text_corners(data, limits)
+        if _TEXT.match(data) and b"\0" not in bytes(data[:_LOOKED_AT]):
+            corners, notes = read_text_corners(source.data, limits)
             for note in notes:
                 source.note(note)
             return Scene.of(_mesh(corners, ()))
@@ -68,7 +68,7 @@ def read_stl(source: Source, limits: FileLimits) -> Scene:
         source.note(f"{len(data) - size} bytes follow the last facet: left out")
     limits.check_counts(3 * facets, facets)
     rows = np.frombuffer(data, FACET, facets, _FACETS)
-    colors, note = _colors(rows["extra"], data[:HEADER])
+    colors, note = _colors(rows["extra"], bytes(data[:HEADER]))
     if note:
         source.note(note)
     return Scene.of(_mesh(rows["corners"].reshape(-1, 3), colors))
