@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gltf_files import PYRAMID, PYRAMID_FACES, area, read
 from meshes import grid, shapes, tetrahedron
-from meshtide_codec.attributes import Attribute, Domain, Kind
+from meshtide_codec.attributes import UPPER_LEFT, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.gltf import write_gltf
@@ -32,7 +32,13 @@ def text_of(data: bytes) -> dict[str, Any]:
 
 
 def rich_scene() -> Scene:
-    uv = Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.VERTEX, np.arange(10, dtype="f4").reshape(5, 2))
+    uv = Attribute(
+        "TEXCOORD_0",
+        Kind.TEXCOORD,
+        Domain.VERTEX,
+        np.arange(10, dtype="f4").reshape(5, 2),
+        extra={"origin": UPPER_LEFT},
+    )
     pyramid = Mesh.checked(PYRAMID, PYRAMID_FACES, [uv], np.array([0, 0, 1, 1, 1, 1]))
     turned = np.diag([2.0, 2, 2, 1])
     mirrored = np.diag([-1.0, 1, 1, 1])

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import NONE, UPPER_LEFT, Attribute, Domain, Kind, with_origin
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.gltf.accessors import real
 
@@ -113,7 +113,8 @@ def _legal(attributes: Sequence[Attribute], losses: Losses) -> list[Attribute]:
     """The attributes by names and types that glTF allows."""
     taken = {one.name for one in attributes if _OWN_NAME.fullmatch(one.name)}
     result: list[Attribute] = []
-    for one in attributes:
+    for attribute in attributes:
+        one = with_origin(attribute, UPPER_LEFT) if attribute.kind is Kind.TEXCOORD else attribute
         width = one.values.shape[1]
         if width not in _SHAPES:
             losses.attributes.append(one)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import LOWER_LEFT, NONE, Attribute, Domain, Kind, with_origin
 from meshtide_codec.mesh_files.formats import Written
 from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.obj.write_materials import image_files, mtl_text, unique_names, written_name
@@ -66,7 +66,7 @@ def write_obj(scene: Scene, name: str) -> Written:
     if title and not any(one.name == "object" for one in labels):
         parts.append(f"o {title}\n")
     parts += _vertices(mesh, color)
-    parts += [] if texcoord is None else _table("vt", texcoord)
+    parts += [] if texcoord is None else _table("vt", with_origin(texcoord, LOWER_LEFT))
     parts += [] if normal is None else _table("vn", normal)
     parts += _faces(mesh, texcoord, normal, labels, materials)
     return Written("".join(parts).encode(), companions, tuple(notes))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import LOWER_LEFT, NONE, Attribute, Domain, Kind, with_origin
 from meshtide_codec.mesh_files.formats import Written
 from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.off.rows import COLOR_INDEX
@@ -79,6 +79,8 @@ def _in_range(color: Attribute) -> bool:
 
 def _numbers(attribute: Attribute) -> NDArray[Any]:
     """The values (elements, c) as they are written: bytes as bytes, unless all are 0 or 1 and look like floats."""
+    if attribute.kind is Kind.TEXCOORD:
+        attribute = with_origin(attribute, LOWER_LEFT)
     values = attribute.per_element()
     if attribute.kind is Kind.LABEL:
         return values

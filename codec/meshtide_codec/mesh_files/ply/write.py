@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import LOWER_LEFT, NONE, Attribute, Domain, Kind, with_origin
 from meshtide_codec.mesh_files.formats import Written
 from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.ply.attributes import (
@@ -96,7 +96,8 @@ def write_ply(scene: Scene, name: str) -> Written:
     vertices, faces = _Rows(Domain.VERTEX), _Rows(Domain.FACE)
     texcoords: Attribute | None = None
     lost: list[Attribute] = []
-    for one in mesh.attributes:
+    for attribute in mesh.attributes:
+        one = with_origin(attribute, LOWER_LEFT) if attribute.kind is Kind.TEXCOORD else attribute
         if one.domain is Domain.CORNER:
             if one.kind is Kind.TEXCOORD and one.values.shape[1] == 2 and texcoords is None:
                 texcoords = one
