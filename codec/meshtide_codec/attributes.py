@@ -23,6 +23,10 @@ NONE = -1
 """The row of an element that has no value: a corner without texture coordinates in a file where others have them."""
 
 
+LOWER_LEFT, UPPER_LEFT = "lower left", "upper left"
+"""The corner of a picture that texture coordinates count from: that of OBJ, PLY and OFF, and that of glTF."""
+
+
 class Domain(StrEnum):
     """What each value belongs to."""
 
@@ -55,7 +59,8 @@ class Attribute:
             element i.
         normalized: integers that stand for 0..1, or -1..1 where they are signed.
         bits: to how many bits per component the values may be rounded; None leaves that to the encoder.
-        extra: what else a file tells of it, such as the names of labels (``names``).
+        extra: what else a file tells of it, such as the names of labels (``names``), or of texture coordinates the
+            corner of the picture that they count from (``origin``): `LOWER_LEFT`, if nothing is told, or `UPPER_LEFT`.
 
     >>> uv = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     >>> Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.CORNER, uv, np.array([[0, 1, 2]])).per_element().shape
@@ -114,6 +119,42 @@ class Attribute:
             flat = self.values[kept] if values is None else values.reshape(-1, self.values.shape[1])
             return replace(self, values=flat)
         return replace(self, indices=self.indices[kept])
+
+
+def origin_of(texcoord: Attribute) -> str:
+    """The corner of the picture that texture coordinates count from."""
+    return str(texcoord.extra.get("origin", LOWER_LEFT))
+
+
+def with_origin(texcoord: Attribute, origin: str) -> Attribute:
+    """Texture coordinates that count from a corner of the picture: itself, or with 1 - v in place of v.
+
+    Unsigned normalized integers and floats keep their type, unless float32 does not hold 1 - v exactly; that and other
+    integers become float64.
+
+    >>> uv = Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.VERTEX, np.array([[0.5, 0.25]]))
+    >>> with_origin(uv, UPPER_LEFT).values.tolist()
+    [[0.5, 0.75]]
+    """
+    if origin_of(texcoord) == origin:
+        return texcoord
+    extra = {key: value for key, value in texcoord.extra.items() if key != "origin"}
+    if origin != LOWER_LEFT:
+        extra["origin"] = origin
+    values, normalized = texcoord.values, texcoord.normalized
+    if values.dtype.kind == "u" and normalized:
+        values = values.copy()
+        values[:, 1:2] = np.iinfo(values.dtype).max - values[:, 1:2]
+        return replace(texcoord, values=values, extra=extra)
+    exact = values.astype(np.float64)
+    if values.dtype.kind == "i" and normalized:
+        exact = np.maximum(exact / np.iinfo(values.dtype).max, -1.0)
+    with np.errstate(all="ignore"):
+        exact[:, 1:2] = 1 - exact[:, 1:2]
+        narrow = exact.astype(values.dtype if values.dtype.kind == "f" else np.float64)
+    if np.array_equal(narrow, exact, equal_nan=True):
+        exact = narrow
+    return replace(texcoord, values=exact, normalized=False, extra=extra)
 
 
 def _shape(domain: Domain, vertices: int, faces: int) -> tuple[int, ...]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import NONE, Attribute, Domain, Kind, origin_of, with_origin
 from meshtide_codec.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 IDENTITY = np.eye(4)
 IDENTITY.flags.writeable = False
+TANGENT = "TANGENT"
+"""The name of tangents in glTF: x y z, and on which side the bitangent is."""
+_TANGENT_WIDTH = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,12 +157,32 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     with np.errstate(all="ignore"):  # what overflows is refused by name where the mesh is checked
         vertices = mesh.vertices @ linear.T + matrix[:3, 3]
         determinant = float(np.linalg.det(linear))
-        attributes = tuple(
-            replace(one, values=_turned(one.values, linear), normalized=False) if one.kind is Kind.NORMAL else one
-            for one in mesh.attributes
-        )
+        attributes = tuple(_placed_attribute(one, linear, mirrors=determinant < 0) for one in mesh.attributes)
     moved = replace(mesh, vertices=vertices, attributes=attributes)
     return moved.reversed() if determinant < 0 else moved
+
+
+def _placed_attribute(one: Attribute, linear: NDArray[np.float64], *, mirrors: bool) -> Attribute:
+    """An attribute under a linear map: normals and tangents turn with the surface, others stay."""
+    if one.kind is Kind.NORMAL:
+        return replace(one, values=_turned(one.values, linear), normalized=False)
+    if one.name == TANGENT and one.values.shape[1] == _TANGENT_WIDTH:
+        return replace(one, values=_turned_tangents(one.values, linear, mirrors=mirrors), normalized=False)
+    return one
+
+
+def _turned_tangents(tangents: NDArray[Any], linear: NDArray[np.float64], *, mirrors: bool) -> NDArray[np.floating]:
+    """Tangents x y z w (k, 4) under a linear map, of length one again.
+
+    w, 1 or -1, is the side of the bitangent; a map that mirrors changes it (glTF 2.0 specification, 3.7.2.1).
+    """
+    turned = np.empty(tangents.shape)
+    turned[:, :3] = tangents[:, :3] @ linear.T
+    lengths = np.linalg.norm(turned[:, :3], axis=1, keepdims=True)
+    turned[:, :3] /= np.where(lengths > 0, lengths, 1.0)
+    side = tangents[:, 3] if tangents.dtype.kind == "f" else np.sign(tangents[:, 3])
+    turned[:, 3] = side * (-1.0 if mirrors else 1.0)
+    return turned.astype(tangents.dtype if tangents.dtype.kind == "f" else np.float32)
 
 
 def _turned(normals: NDArray[Any], linear: NDArray[np.float64]) -> NDArray[np.floating]:
@@ -178,7 +201,8 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one, vertices and faces one after the other; nothing is welded.
 
     Attributes of one name, kind, type and width become one; what a mesh lacks is `NONE` there. An attribute that is
-    of vertices in one mesh and of corners in another becomes one of corners.
+    of vertices in one mesh and of corners in another becomes one of corners. Texture coordinates count from the corner
+    of the picture that the first of them count from.
     """
     if len(meshes) == 1:
         return meshes[0]
@@ -207,8 +231,14 @@ def _or_full(array: NDArray[Any] | None, shape: int | tuple[int, int], fill: int
 
 def _joined_attributes(meshes: Sequence[Mesh]) -> tuple[Attribute, ...]:
     found: dict[tuple[Any, ...], dict[int, Attribute]] = {}
+    origins: dict[str, str] = {}
     for place, mesh in enumerate(meshes):
-        for one in mesh.attributes:
+        for attribute in mesh.attributes:
+            one = attribute
+            if one.kind is Kind.TEXCOORD and origin_of(one) != origins.setdefault(one.name, origin_of(one)):
+                one = with_origin(one, origins[one.name])
+                if attribute.values.dtype.kind == "f":  # so that it stays one attribute
+                    one = replace(one, values=one.values.astype(attribute.values.dtype))
             key: tuple[Any, ...] = (one.name, one.kind, one.values.shape[1], one.values.dtype.str, one.normalized)
             while place in found.get(key, ()):  # two of one name stay two
                 key = (*key, None)

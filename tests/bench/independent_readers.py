@@ -18,38 +18,21 @@ from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from meshtide_codec.attributes import Domain, Kind
 from meshtide_codec.mesh_files import load_scene
+from plain_obj import read_plain_obj
 
 Table = dict[str, Any]
 
 
 def read_obj(path: Path) -> Table:
-    """Positions, polygons of position and texture indices."""
-    positions: list[list[float]] = []
-    textures = 0
-    polygons: list[list[int]] = []
-    wedges: set[tuple[int, int]] = set()
-    for line in path.read_text(encoding="latin-1").replace("\\\n", " ").splitlines():
-        words = line.partition("#")[0].split()
-        if not words:
-            continue
-        if words[0] == "v":
-            positions.append([float(word) for word in words[1:4]])
-        elif words[0] == "vt":
-            textures += 1
-        elif words[0] == "f":
-            corners = [word.split("/") for word in words[1:]]
-            polygons.append([_index(corner[0], len(positions)) for corner in corners])
-            for corner, vertex in zip(corners, polygons[-1], strict=True):
-                if len(corner) > 1 and corner[1]:
-                    wedges.add((vertex, _index(corner[1], textures)))
-    return {"positions": np.array(positions), "polygons": polygons, "wedges": len(wedges)}
-
-
-def _index(word: str, count: int) -> int:
-    number = int(word)
-    return number - 1 if number > 0 else count + number
+    """Positions, polygons, and pairs of position and texture coordinates."""
+    plain = read_plain_obj(path.read_bytes())
+    wedges = [pair for pair in plain.wedges() if pair[1] is not None]
+    polygons = [[vertex for vertex, _, _ in face] for face in plain.faces]
+    return {"positions": np.array(plain.positions), "polygons": polygons, "wedges": len(wedges)}
 
 
 def read_off(path: Path) -> Table:

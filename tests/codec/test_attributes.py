@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import LOWER_LEFT, NONE, UPPER_LEFT, Attribute, Domain, Kind, origin_of, with_origin
 from meshtide_codec.errors import MeshError
 
 
@@ -95,3 +95,35 @@ def test_what_else_is_told_stays_with_a_part() -> None:
         5,
         {"names": ("a",)},
     )
+
+
+def texcoord(values: Any, kind: str, *, normalized: bool = False) -> Attribute:
+    array = np.array(values, kind)
+    return Attribute("uv", Kind.TEXCOORD, Domain.VERTEX, array, normalized=normalized, extra={"names": ["a"]})
+
+
+@pytest.mark.parametrize(
+    ("one", "values", "kind", "normalized"),
+    [
+        (texcoord([[0.25, 0.75], [2, -1]], "f8"), [[0.25, 0.25], [2, 2]], "f8", False),
+        (texcoord([[0.25, 0.75]], "f4"), [[0.25, 0.25]], "f4", False),
+        (texcoord([[0.25, 2.0**-30]], "f4"), [[0.25, 1 - 2.0**-30]], "f8", False),
+        (texcoord([[0, 255], [7, 1]], "u1", normalized=True), [[0, 0], [7, 254]], "u1", True),
+        (texcoord([[0, 65535]], "u2", normalized=True), [[0, 0]], "u2", True),
+        (texcoord([[127, -127], [0, -128]], "i1", normalized=True), [[1, 2], [0, 2]], "f8", False),
+        (texcoord([[5, 3]], "u1"), [[5, -2]], "f8", False),
+        (texcoord([[0.5, 0.25, 3]], "f8"), [[0.5, 0.75, 3]], "f8", False),
+        (texcoord([[0.5]], "f8"), [[0.5]], "f8", False),
+    ],
+)
+def test_texture_coordinates_count_from_either_corner(one: Attribute, values: Any, kind: str, normalized: bool) -> None:
+    assert origin_of(one) == LOWER_LEFT
+    assert with_origin(one, LOWER_LEFT) is one
+    found = with_origin(one, UPPER_LEFT)
+    assert found.values.tolist() == values
+    assert (found.values.dtype, found.normalized) == (np.dtype(kind), normalized)
+    assert found.extra == {"names": ["a"], "origin": UPPER_LEFT}
+    again = with_origin(found, LOWER_LEFT)
+    assert again.extra == {"names": ["a"]}
+    if kind == one.values.dtype.str[1:]:
+        assert again.values.tolist() == one.values.tolist()

@@ -105,6 +105,15 @@ def test_a_skin_that_mirrors_keeps_outward_faces() -> None:
     assert volume(read_mesh(skinned(*ALONE, [{"scale": [-1, 1, 1]}]))) == pytest.approx(3)
 
 
+@pytest.mark.parametrize(("scale", "side"), [([-1, 1, 1], -1), ([-1, -2, 1], 1), ([1, 1, 3], 1)])
+def test_tangents_change_their_side_where_a_skin_mirrors(scale: list[int], side: int) -> None:
+    file = skinned(*ALONE, [{"scale": scale}])
+    tangents = file.accessor([[1, 0, 0, 1]] * len(PYRAMID), "<f4")
+    file.root["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = tangents
+    found = next(one for one in read_mesh(file).attributes if one.name == "TANGENT")
+    assert found.values.tolist() == [[np.sign(scale[0]), 0, 0, side]] * len(PYRAMID)
+
+
 def test_a_mesh_without_joints_in_a_skin_stands_in_its_node() -> None:
     file = skinned(*ALONE, [{"scale": [10, 10, 10]}])
     for name in ("JOINTS_0", "WEIGHTS_0"):

@@ -40,6 +40,15 @@ def test_children_stand_in_the_coordinates_of_their_parents() -> None:
 
 @given(st.lists(st.floats(-10, 10), min_size=4, max_size=4))
 def test_rotations_keep_lengths_whatever_their_own_length(rotation: list[float]) -> None:
+    check_rotation(rotation)
+
+
+@pytest.mark.parametrize("rotation", [[0, 1e-162, 1e-162, 0], [5e-324, 0, 0, 5e-324], [1e300, -1e300, 0, 1e300]])
+def test_rotations_whose_squares_are_no_numbers(rotation: list[float]) -> None:
+    check_rotation(rotation)
+
+
+def check_rotation(rotation: list[float]) -> None:
     matrix = transforms(np.ones((1, 3)), np.array([rotation]), np.ones((1, 3)))[0]
     assert np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3))
     assert np.linalg.det(matrix) == pytest.approx(1)

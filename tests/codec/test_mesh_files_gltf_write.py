@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gltf_files import PYRAMID, PYRAMID_FACES, area, read
 from meshes import grid, shapes, tetrahedron
-from meshtide_codec.attributes import Attribute, Domain, Kind
+from meshtide_codec.attributes import UPPER_LEFT, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.gltf import write_gltf
@@ -32,7 +32,13 @@ def text_of(data: bytes) -> dict[str, Any]:
 
 
 def rich_scene() -> Scene:
-    uv = Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.VERTEX, np.arange(10, dtype="f4").reshape(5, 2))
+    uv = Attribute(
+        "TEXCOORD_0",
+        Kind.TEXCOORD,
+        Domain.VERTEX,
+        np.arange(10, dtype="f4").reshape(5, 2),
+        extra={"origin": UPPER_LEFT},
+    )
     pyramid = Mesh.checked(PYRAMID, PYRAMID_FACES, [uv], np.array([0, 0, 1, 1, 1, 1]))
     turned = np.diag([2.0, 2, 2, 1])
     mirrored = np.diag([-1.0, 1, 1, 1])
@@ -144,6 +150,16 @@ def test_integers_beyond_plain_gltf_ask_for_quantization() -> None:
     root = text_of(data)
     assert root["extensionsRequired"] == root["extensionsUsed"] == ["KHR_mesh_quantization"]
     assert read(data).geometries[0].attributes[0].values.dtype == np.int8
+
+
+def test_what_is_not_kept_is_told_in_one_line() -> None:
+    inner = np.array([[False, False, True], [True, False, False]])
+    five = Attribute("five", Kind.SCALAR, Domain.VERTEX, np.ones((4, 5)))
+    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    mesh = Mesh.checked(square, [[0, 1, 2], [0, 2, 3]], [five], polygons=inner)
+    scene = Scene((mesh,), (Node(0), Node(0)), (0, 1), (Material("a"),), document={"animations": [{}]})
+    line = "five (4), 1 animation, 1 polygon (now triangles): not kept"
+    assert write_gltf(scene, "a.glb").notes == (line,)
 
 
 def test_points_are_written_as_points() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshes import grid
-from meshtide_codec.attributes import Attribute, Domain, Kind
+from meshtide_codec.attributes import UPPER_LEFT, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.gltf.write_vertices import Losses, Part, parts
@@ -39,7 +39,9 @@ def test_a_plain_mesh_keeps_its_vertices_in_their_order() -> None:
 
 def test_corners_that_differ_split_their_vertex_and_others_do_not() -> None:
     values = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]])
-    seam = Attribute("uv", Kind.TEXCOORD, Domain.CORNER, values, np.array([[0, 1, 2], [4, 2, 3]]))
+    seam = Attribute(
+        "uv", Kind.TEXCOORD, Domain.CORNER, values, np.array([[0, 1, 2], [4, 2, 3]]), extra={"origin": UPPER_LEFT}
+    )
     (part,) = parts(square(seam), "x", Losses())
     assert len(part.positions) == 5
     faces = part.primitives[0][1]
@@ -67,7 +69,14 @@ def test_faces_that_lack_an_attribute_stand_on_vertices_of_their_own() -> None:
 
 def test_faces_that_have_it_at_some_corners_get_zeros_and_it_is_told() -> None:
     losses = Losses()
-    seam = Attribute("uv", Kind.TEXCOORD, Domain.CORNER, np.ones((1, 2)), np.array([[0, 0, -1], [0, 0, 0]]))
+    seam = Attribute(
+        "uv",
+        Kind.TEXCOORD,
+        Domain.CORNER,
+        np.ones((1, 2)),
+        np.array([[0, 0, -1], [0, 0, 0]]),
+        extra={"origin": UPPER_LEFT},
+    )
     (part,) = parts(square(seam), "x", losses)
     assert corner_values(part, "TEXCOORD_0")[0].tolist() == [[1, 1], [1, 1], [0, 0]]
     assert losses.notes() == ("TEXCOORD_0: some faces have it at some corners only; zeros stand at the others",)
@@ -76,13 +85,6 @@ def test_faces_that_have_it_at_some_corners_get_zeros_and_it_is_told() -> None:
 def test_materials_become_primitives_on_the_same_vertices() -> None:
     (part,) = parts(square(materials=np.array([3, 1])), "x", Losses())
     assert [(material, faces.tolist()) for material, faces in part.primitives] == [(1, [[0, 2, 3]]), (3, [[0, 1, 2]])]
-
-
-def test_polygons_are_told() -> None:
-    losses = Losses()
-    inner = np.array([[False, False, True], [True, False, False]])
-    parts(square(polygons=inner), "x", losses)
-    assert "polygons" in losses.notes()[0]
 
 
 def test_rounding_is_told_once_with_its_largest_error() -> None:
@@ -145,11 +147,12 @@ def test_names_that_meet_are_kept_apart() -> None:
     assert written == ["TEXCOORD_1", "TEXCOORD_0", "TEXCOORD_2", "_a", "_a_1", "_a_2", "NORMAL", "_other"]
 
 
-def test_five_components_are_left_out_and_told() -> None:
+def test_five_components_are_left_out() -> None:
     losses = Losses()
-    (part,) = parts(square(Attribute("five", Kind.SCALAR, Domain.VERTEX, np.ones((5, 5)))), "x", losses)
+    five = Attribute("five", Kind.SCALAR, Domain.VERTEX, np.ones((5, 5)))
+    (part,) = parts(square(five), "x", losses)
     assert part.attributes == ()
-    assert losses.notes() == ("five: left out, as glTF has no attributes of 5 components",)
+    assert losses.attributes == [five]
 
 
 def test_integers_that_floats_cannot_hold_are_told() -> None:
@@ -168,7 +171,9 @@ def test_every_corner_keeps_its_values(seed: int) -> None:
     rows = rng.integers(0, 6, (faces, 3))
     rows[rng.random(faces) < 0.3] = -1
     attributes = (
-        Attribute("uv", Kind.TEXCOORD, Domain.CORNER, rng.random((6, 2)).astype("f4"), rows),
+        Attribute(
+            "uv", Kind.TEXCOORD, Domain.CORNER, rng.random((6, 2)).astype("f4"), rows, extra={"origin": UPPER_LEFT}
+        ),
         Attribute("n", Kind.NORMAL, Domain.VERTEX, rng.random((25, 3)).astype("f4")),
         Attribute("f", Kind.SCALAR, Domain.FACE, rng.random((faces, 1)).astype("f4")),
     )

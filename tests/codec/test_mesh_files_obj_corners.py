@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshtide_codec.mesh_files.obj_corners import ZeroIndexError, read_corners
+from meshtide_codec.mesh_files.obj.corners import ZeroIndexError, read_corners
 from meshtide_codec.mesh_files.text_numbers import PADDING, NotANumber, padded
 
 INDEX = st.integers(1, 10**18 - 1) | st.integers(-(10**18) + 1, -1) | st.integers(1, 9)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files import obj_lines
-from meshtide_codec.mesh_files.obj_lines import FACE, NORMAL, NOTHING, OTHER, TEXCOORD, VERTEX, blocks, plain_text
+from meshtide_codec.mesh_files.obj import lines as obj_lines
+from meshtide_codec.mesh_files.obj.lines import FACE, NORMAL, NOTHING, OTHER, TEXCOORD, VERTEX, blocks, plain_text
 
 
 def test_kinds_of_lines() -> None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.mtl import Materials
-from meshtide_codec.mesh_files.obj_scene import Parts, obj_scene
-from meshtide_codec.mesh_files.obj_statements import Statements
+from meshtide_codec.mesh_files.obj.materials import Materials
+from meshtide_codec.mesh_files.obj.scene import Parts, obj_scene
+from meshtide_codec.mesh_files.obj.statements import Statements
 from meshtide_codec.mesh_files.source import Source
 from meshtide_codec.scene import Scene
 

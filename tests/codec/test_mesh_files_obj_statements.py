@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from meshtide_codec.mesh_files.obj_statements import Statements, without_comment
+from meshtide_codec.mesh_files.obj.statements import Statements, without_comment
 from meshtide_codec.mesh_files.source import Source
 
 

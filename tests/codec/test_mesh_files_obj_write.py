@@ -11,7 +11,7 @@ from meshes import grid, shapes
 from meshtide_codec.attributes import Attribute, Domain, Kind
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_scene, save_scene
-from meshtide_codec.mesh_files.obj_write import write_obj
+from meshtide_codec.mesh_files.obj.write import write_obj
 from meshtide_codec.scene import Image, Material, Node, Scene
 from obj_files import attribute, faces_of, read_bytes, written_in_random_ways
 from plain_obj import Corner, read_plain_obj, turned
@@ -128,15 +128,14 @@ def test_what_cannot_be_held_is_told() -> None:
     )
     scene = Scene((mesh,), (Node(0), Node(0)), (0, 1), (Material("m", {"doubleSided": True}),))
     written = write_obj(scene, "a.obj.gz")
-    others = "quality (10 values of vertex), TEXCOORD_1 (10 values of vertex), COLOR_0 (6 values of face)"
+    others = "quality (10), texture coordinates TEXCOORD_1 (10), colours (6), 2 nodes (their meshes become one)"
     assert written.notes == (
-        f"attributes that OBJ cannot hold are not kept: {others}",
-        "2 placed meshes are written as one",
+        f"{others}: not kept",
         "materials with properties that MTL has no words for: 1",
     )
     assert list(written.companions) == ["a.mtl"]
     assert write_obj(Scene((SQUARE,), (Node(0),), (0,), images=(Image("a", b"b"),)), "a.obj").notes == (
-        "images that no material names are not kept: 1",
+        "1 image: not kept",
     )
 
 

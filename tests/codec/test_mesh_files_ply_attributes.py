@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
-from meshtide_codec.mesh_files.ply_attributes import attributes_of, corner_texcoords
-from meshtide_codec.mesh_files.ply_rows import ListColumn
+from meshtide_codec.mesh_files.ply.attributes import attributes_of, corner_texcoords
+from meshtide_codec.mesh_files.ply.rows import ListColumn
 
 
 def of_names(names: str, kind: str = "f4", domain: Domain = Domain.VERTEX) -> list[Attribute]:

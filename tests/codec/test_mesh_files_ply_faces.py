@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from meshtide_codec.attributes import NONE, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.limits import FileLimits
-from meshtide_codec.mesh_files import ply_faces
-from meshtide_codec.mesh_files.ply_faces import index_list, indices_of, triangles_of_strips
-from meshtide_codec.mesh_files.ply_rows import Columns, ListColumn
+from meshtide_codec.mesh_files import polygons
+from meshtide_codec.mesh_files.ply import faces as ply_faces
+from meshtide_codec.mesh_files.ply.faces import index_list, indices_of, triangles_of_strips
+from meshtide_codec.mesh_files.ply.rows import Columns, ListColumn
 from ply_files import FORMS, INTEGERS, SQUARE, Element, face, mesh_in, outlines, ply, read, vertex
 
 
@@ -82,6 +83,7 @@ def test_polygons_are_cut_alike_in_parts_of_any_size(monkeypatch: pytest.MonkeyP
     data = ply(vertex(rng.random((9, 3)).round(3).tolist()), Element("face", ["list uchar int vertex_index"], rows))
     whole, notes = read(data)
     monkeypatch.setattr(ply_faces, "_BLOCK", 3)
+    monkeypatch.setattr(polygons, "_PART", 3)
     parts, told = read(data)
     assert outlines(whole.mesh()) == [row[(at := row.index(min(row))) :] + row[:at] for (row,) in rows if len(row) >= 3]
     assert parts.mesh().faces.tolist() == whole.mesh().faces.tolist()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.ply_header import LONGEST_HEADER, TYPES, PlyHeader, PlyProperty, read_header
+from meshtide_codec.mesh_files.ply.header import LONGEST_HEADER, TYPES, PlyHeader, PlyProperty, read_header
 
 HEADER = b"""ply
 format binary_big_endian 1.0

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files import ply_rows
-from meshtide_codec.mesh_files.ply_header import PlyElement, PlyProperty
-from meshtide_codec.mesh_files.ply_rows import Columns, RowReader, Stored
+from meshtide_codec.mesh_files.ply import rows as ply_rows
+from meshtide_codec.mesh_files.ply.header import PlyElement, PlyProperty
+from meshtide_codec.mesh_files.ply.rows import Columns, RowReader, Stored
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

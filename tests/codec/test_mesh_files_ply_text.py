@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files import ply_text
-from meshtide_codec.mesh_files.ply_header import PlyElement, PlyProperty
-from meshtide_codec.mesh_files.ply_text import PlyText
+from meshtide_codec.mesh_files.ply import text as ply_text
+from meshtide_codec.mesh_files.ply.header import PlyElement, PlyProperty
+from meshtide_codec.mesh_files.ply.text import PlyText
 
 LEVEL = PlyProperty("level", np.dtype("f8"))
 NUMBER = PlyProperty("number", np.dtype("i4"))

@@ -11,7 +11,9 @@ import time
 import tracemalloc
 import zlib
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -50,7 +52,7 @@ def test_a_file_may_be_as_long_as_the_limit(tmp_path: Path, length: int) -> None
         if length == 100:
             assert open_source(tmp_path / name, FileLimits(file_bytes=100)).data == b"x" * 100
         else:
-            with pytest.raises(MeshFileError, match="longer than the 100 bytes"):
+            with pytest.raises(MeshFileError, match="claims 101 bytes; 100 are the most"):
                 open_source(tmp_path / name, FileLimits(file_bytes=100))
         if name == "pipe.off":
             writer.join()
@@ -72,9 +74,49 @@ def test_a_pipe_without_end_is_read_no_further_than_the_limit() -> None:
             return bytes(size)
 
     endless = Endless()
-    with pytest.raises(MeshFileError, match="longer"):
-        source.read_bounded(endless, 5_000_000)  # type: ignore[arg-type]
+    with pytest.raises(MeshFileError, match="5000000 are the most that is read"):
+        source.read_bounded(endless, FileLimits(file_bytes=5_000_000))  # type: ignore[arg-type]
     assert endless.taken < 8_000_000
+
+
+LARGE = (b"ply\0" + bytes(range(256)) * 5000)[: 1 << 20]
+
+
+def test_large_binary_files_are_read_once_and_not_copied(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    path.write_bytes(LARGE)
+    tracemalloc.start()
+    found = open_source(path, LIMITS)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert taken < len(LARGE) + 50_000
+    assert isinstance(found.content, memoryview)
+    assert found.view.readonly
+    assert (found.view, found.data) == (LARGE, LARGE)
+    path.write_bytes(b"ply " + LARGE.replace(b"\0", b" ")[4:])
+    assert isinstance(open_source(path, LIMITS).content, bytes)
+    path.write_bytes(gzip.compress(LARGE, 0))
+    assert open_source(path, LIMITS).content == LARGE
+    with pytest.raises(MeshFileError, match="claims 1048576 bytes; 1048575 are the most"):
+        path.write_bytes(LARGE)
+        open_source(path, FileLimits(file_bytes=len(LARGE) - 1))
+
+
+@pytest.mark.parametrize("change", [-5000, -1, 1, 5000])
+def test_a_file_that_changes_its_length_while_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: int
+) -> None:
+    path = tmp_path / "a.ply"
+    path.write_bytes(LARGE)
+    other = LARGE[:change] if change < 0 else LARGE + bytes(change)
+    make = np.empty
+
+    def empty(size: int, kind: Any) -> Any:
+        path.write_bytes(other)
+        return make(size, kind)
+
+    monkeypatch.setattr(source.np, "empty", empty)
+    assert open_source(path, FileLimits(file_bytes=len(LARGE) + 5000)).data == other
 
 
 def test_a_fifo_is_a_file_like_others(tmp_path: Path) -> None:
@@ -163,11 +205,11 @@ def test_files_elsewhere_are_refused(tmp_path: Path) -> None:
         ".": "no regular file",
         "": "no regular file",
         "pipe": "no regular file",
-        "long": "longer than the 20 bytes",
+        "long": "claims 21 bytes; 20 are the most",
         "nul\0": "no file can be called",
         "loop": "cannot be read",
         "n" * 5000: "cannot be read: File name too long",
-        "\ud800": "cannot be read",
+        "\ud800": "cannot be read: no file can be called so",
     }
     for reference, message in references.items():
         with pytest.raises(MeshFileError, match=message):

@@ -6,15 +6,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshtide_codec.mesh_files import text_numbers
-from meshtide_codec.mesh_files.text_numbers import TOO_LARGE, NotANumber, decimals, digit_runs, padded, values_of_runs
+from meshtide_codec.mesh_files.text_numbers import (
+    TOO_LARGE,
+    NotANumber,
+    decimals,
+    digit_runs,
+    leading_numbers,
+    padded,
+    values_of_runs,
+)
 
 
 def bits(values: object) -> list[int]:
     return np.array(values, np.float64).view(np.int64).tolist()
 
 
-FORMATS = st.sampled_from(["{!r}", "{:.17g}", "{:.6f}", "{:.0f}", "{:.3e}", "{:.20f}", "{:+.4f}"])
-WORDS = st.builds(lambda form, number: form.format(number), FORMATS, st.floats(-1e9, 1e9)) | st.from_regex(
+FORMATS = st.sampled_from(
+    ["{!r}", "{:.17g}", "{:.6f}", "{:.0f}", "{:.3e}", "{:.6E}", "{:.0e}", "{:.17e}", "{:.20f}", "{:+.4f}"]
+)
+FLOATS = st.floats(-1e9, 1e9) | st.floats(allow_nan=False, allow_infinity=False)
+WORDS = st.builds(lambda form, number: form.format(number), FORMATS, FLOATS) | st.from_regex(
     r"-?[0-9]{1,24}(\.[0-9]{1,24})?", fullmatch=True
 )
 
@@ -25,6 +36,55 @@ def test_numbers_are_read_as_float_reads_them(words: list[str], gap: str) -> Non
     values, places = decimals(padded(gap.join(words).encode()))
     assert bits(values) == bits([float(word) for word in words])
     assert len(places) == len(words)
+
+
+POWERS = [f"{number}{mark}{power}" for number in ("1", "-12.5", "9007199254740993", "0.3", "0") for mark in ("e", "E+")
+          for power in (0, 1, 5, 21, 22, 23, 30, 300, 999)]  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [1, 300])
+def test_powers_of_ten_are_rounded_once(count: int) -> None:
+    words = [*POWERS, *(word.replace("e", "e-").replace("+", "-") for word in POWERS)] * count
+    assert bits(decimals(padded(" ".join([*words, "7"]).encode()))[0]) == bits([float(word) for word in [*words, "7"]])
+
+
+def test_texts_with_powers_of_ten_are_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(text_numbers, "_spelled_otherwise", refuse)
+    words = [f"{number:e}" for number in np.random.default_rng(0).standard_normal(3000).tolist()]
+    assert bits(decimals(padded(" ".join(words).encode()))[0]) == bits([float(word) for word in words])
+
+
+def leading(words: list[str], *, whole: bool = False) -> np.ndarray:
+    text = "\n".join(words).encode()
+    starts = np.cumsum([0] + [len(word) + 1 for word in words])[:-1]
+    return leading_numbers(np.frombuffer(text, np.uint8), starts, len(text), whole=whole)
+
+
+@pytest.mark.parametrize("block", [1, 4, 1000])
+@pytest.mark.parametrize("bad", [0, 3, 4, 17, 20])
+def test_numbers_are_read_up_to_the_first_word_that_is_none(
+    block: int, bad: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(text_numbers, "_BLOCK", block)
+    words = [f"{number}.5" for number in range(20)]
+    assert leading([*words[:bad], "x", *words[bad:], "y"]).tolist() == [float(word) for word in words[:bad]]
+    assert leading(words).tolist() == [float(word) for word in words]
+
+
+@pytest.mark.parametrize("block", [1, 2, 1000])
+def test_whole_numbers_are_exact_and_others_floats(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_numbers, "_BLOCK", block)
+    largest = ["9007199254740993", "-9223372036854775808", "9223372036854775807", "-1", "0", "-0", "007", "-01"]
+    assert leading(largest, whole=True).tolist() == [int(word) for word in largest]
+    for word in ("9223372036854775808", "1.0", "1e2", "nan", "1" * 40):
+        found = leading(["1", word, "3"], whole=True)
+        assert found.dtype == np.float64
+        assert bits(found) == bits([1, float(word), 3])
+    assert bits(leading(["-0", "0"])) == bits([-0.0, 0.0])
+    assert leading([], whole=True).dtype == np.int64
 
 
 def test_halves_between_two_floats_are_rounded_right() -> None:

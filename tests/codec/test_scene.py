@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshes import grid, tetrahedron
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import NONE, UPPER_LEFT, Attribute, Domain, Kind
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.scene import Node, Scene, joined, placed
 
@@ -146,3 +146,42 @@ def test_polygons_survive_a_mirror(mirror: float) -> None:
     points = found.vertices[outline, :2]
     following = np.roll(points, -1, axis=0)
     assert (points[:, 0] * following[:, 1] - points[:, 1] * following[:, 0]).sum() / 2 == pytest.approx(1)
+
+
+@pytest.mark.parametrize("kind", ["f4", "f8", "i1"])
+@pytest.mark.parametrize("scale", [(1, 1, 1), (2, 1, 1), (-1, 1, 1), (-1, -3, 1), (-1, -1, -1)])
+def test_tangents_turn_with_the_surface_and_keep_their_side(kind: str, scale: tuple[int, int, int]) -> None:
+    one = 127 if kind == "i1" else 1
+    normals = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0]], kind) * one
+    tangents = np.array([[1, 0, 0, 1], [0, 0, 1, -1], [0, 1, 0, 1]], kind) * np.array(one, kind)
+    attributes = [
+        Attribute("NORMAL", Kind.NORMAL, Domain.VERTEX, normals, normalized=kind == "i1"),
+        Attribute("TANGENT", Kind.SCALAR, Domain.VERTEX, tangents, normalized=kind == "i1"),
+    ]
+    mesh = Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], attributes)
+    turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn @ np.diag(scale)
+    normal, tangent = (each.values for each in placed(mesh, matrix).attributes)
+    if scale != (1, 1, 1):
+        assert tangent.dtype == np.dtype("f4" if kind == "i1" else kind)
+    assert np.allclose(np.linalg.norm(tangent[:, :3], axis=1), 1, atol=1e-6)
+    before = np.cross(normals / one, tangents[:, :3] / one) * np.sign(tangents[:, 3:])
+    after = np.cross(normal, tangent[:, :3]) * tangent[:, 3:]
+    moved_before = before @ matrix[:3, :3].T
+    moved_before /= np.linalg.norm(moved_before, axis=1, keepdims=True)
+    assert np.allclose(after, moved_before, atol=1e-6)
+
+
+def test_texture_coordinates_of_two_origins_are_joined_as_those_of_the_first() -> None:
+    uv = np.array([[0.0, 0.1], [1, 0.25], [0, 1]], "f4")
+    lower = Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.VERTEX, uv)
+    upper = Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.VERTEX, uv, extra={"origin": UPPER_LEFT})
+    meshes = [Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], [one]) for one in (lower, upper)]
+    flipped = np.array([[0, np.float32(1) - uv[0, 1]], [1, 0.75], [0, 0]], "f4")
+    for first, second in (meshes, meshes[::-1]):
+        (found,) = joined([first, second]).attributes
+        assert np.array_equal(found.values, np.concatenate([uv, flipped]))
+        assert found.extra == first.attributes[0].extra
+    (same,) = joined([meshes[1], meshes[1]]).attributes
+    assert np.array_equal(same.values, np.concatenate([uv, uv]))

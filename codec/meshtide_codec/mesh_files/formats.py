@@ -55,7 +55,7 @@ SUFFIXES: dict[str, str] = {
     ".glb": "gltf",
     ".gltf": "gltf",
 }
-"""The module of each format by the suffix of its files; `read_NAME` and `write_NAME` are in it."""
+"""The package of each format by the suffix of its files; `read_NAME` and `write_NAME` are in it."""
 
 
 def reader_of(suffix: str) -> Reader | None:

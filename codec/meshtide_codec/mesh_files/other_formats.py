@@ -49,12 +49,13 @@ def read_other(source: Source, limits: FileLimits) -> Scene:
         raise MeshFileError(f"nothing is known about files named *{source.suffix}; {_list('read', _READ)}")
     if kind not in trimesh.available_formats():
         raise MeshFileError(f"files named *{source.suffix} need a library: pip install {_READ[kind]}")
-    _check_archive(source.data, limits)
+    data = source.data
+    _check_archive(data, limits)
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its warnings come back below as one error
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # other people's libraries; what matters is raised
-            loaded: Any = trimesh.load(io.BytesIO(source.data), file_type=kind, process=False, maintain_order=True)
+            loaded: Any = trimesh.load(io.BytesIO(data), file_type=kind, process=False, maintain_order=True)
             mesh: Any = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
     except MemoryError:
         raise

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _QUAD = 4
 _FIRST_DIAGONAL = [[0, 1, 2], [0, 2, 3]]
 _SECOND_DIAGONAL = [[0, 1, 3], [1, 2, 3]]
+_PART = 1 << 14  # polygons that are sorted by their sizes together: of all at once it would take several times more
 _BATCH = 1 << 11  # corners that are looked at together: their arrays stay below what malloc maps anew each time
 _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
@@ -62,6 +63,26 @@ def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corne
     if len(counts) and counts.min() == counts.max() == 3:
         faces = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
         return Triangulation(faces, np.arange(len(counts)), None, 0)
+    most = int(np.maximum(counts - 2, 0).sum())
+    triangles, polygon, inner = np.empty((most, 3), np.int64), np.empty(most, np.int64), np.zeros((most, 3), bool)
+    filled = passed = degenerate = 0
+    for begin in range(0, len(counts), _PART):
+        some = counts[begin : begin + _PART]
+        size = int(some.sum())
+        part = _triangulated(vertices, some, corners[passed : passed + size])
+        rows = slice(filled, filled + len(part.polygon))
+        np.add(part.corners, passed, out=triangles[rows])
+        np.add(part.polygon, begin, out=polygon[rows])
+        if part.inner is not None:
+            inner[rows] = part.inner
+        filled, passed, degenerate = rows.stop, passed + size, degenerate + part.degenerate
+    return Triangulation(triangles[:filled], polygon[:filled], inner[:filled] if inner.any() else None, degenerate)
+
+
+def _triangulated(
+    vertices: NDArray[np.float64], counts: NDArray[np.int64], corners: NDArray[np.int64]
+) -> Triangulation:
+    """The same of some polygons: by their sizes, in arrays that are much larger than the triangles."""
     starts = np.cumsum(counts) - counts
     amounts = np.maximum(counts - 2, 0)
     for chosen, places in _batches(counts, starts, 4):

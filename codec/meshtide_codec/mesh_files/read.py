@@ -75,7 +75,7 @@ def read_source(source: Source, limits: FileLimits) -> Scene:
     Raises:
         MeshError: see `load_scene`; the message does not name the file.
     """
-    found = content_kind(source.data[:64])
+    found = content_kind(bytes(source.view[:64]))
     if found is not None and found != source.suffix and source.suffix in ("", *SUFFIXES):  # others may be archives
         raise MeshFileError(f"it is taken for *{source.suffix}, but its content is {found.lstrip('.')}")
     if not source.suffix:
@@ -111,7 +111,8 @@ def _checked(mesh: Mesh, told: Sequence[str], *, keep_unreferenced: bool) -> Sce
         raise MeshFileError(f"there are no faces in it{_because(notes)}")
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces.reshape(-1)] = True
-    if not np.isfinite(mesh.vertices).all() and (unfinished := ~np.isfinite(mesh.vertices).all(axis=1) & ~used).any():
+    finite = used.all() or np.isfinite(mesh.vertices).all()
+    if not finite and (unfinished := ~used & ~np.isfinite(mesh.vertices).all(axis=1)).any():
         count = int(unfinished.sum())
         notes.append(f"{count} {'vertex is' if count == 1 else 'vertices are'} not finite and of no face: left out")
         mesh, used = mesh.with_vertices(~unfinished), used[~unfinished]

@@ -4,8 +4,8 @@ Digits are taken eight at a time: a word of eight characters becomes its value b
 "Quickly parsing eight digits"). A number of up to 15 digits is then a quotient of two numbers that a float64 holds
 exactly, so one division rounds it right (W. Clinger, "How to read floating point numbers accurately"). One of up to 18
 digits is divided in double the precision (T. Dekker, "A floating-point technique for extending the available
-precision"). Other spellings, and the few quotients that lie too near to the middle of two floats, are left to the
-reader of the platform. Cost: linear.
+precision"). Powers of ten behind an e are taken into that quotient. Other spellings, and the few quotients that lie too
+near to the middle of two floats, are left to the reader of the platform. Cost: linear.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,9 +32,14 @@ MOST_DIGITS = 18
 TOO_LARGE = np.uint64((1 << 64) - 1)
 """Stands for a run of more digits."""
 
+_BLOCK = 1 << 14  # words that are read at a time: their arrays stay in the cache
 _FEW = 256  # words that are read one by one
 _MANY = 4  # one word in so many signs and dots, spelled otherwise: all are read alike
-_DOT, _MINUS, _ZERO = b".-0"
+_DOT, _MINUS, _PLUS, _ZERO, _SMALL_E = b".-+0e"
+_NO_TEXT = ord("?")
+_TO_SMALL = np.uint8(32)  # the bit by which small letters differ
+_LONGEST_POWER = 3  # digits
+_LONGEST_INTEGER = 32  # digits, zeros before them among these
 _WORD = 8
 _EXACT = np.uint64(1 << 53)
 _SPLITTER = 134217729.0  # 2^27 + 1 cuts a float64 into two halves of 26 bits
@@ -130,6 +135,68 @@ def _eight_digits(words: NDArray[np.uint64], starts: NDArray[np.int64], sizes: N
     return value
 
 
+def leading_numbers(
+    text: NDArray[np.uint8], starts: NDArray[np.signedinteger], end: int, *, whole: bool = False
+) -> NDArray[np.float64] | NDArray[np.int64]:
+    """The numbers (k,) that words are, as far as they are any: fewer than words where one is none.
+
+    Args:
+        text: that they stand in, of any length, without padding.
+        starts: where each begins; between them are blanks and nothing else. A byte of zero is no number: it stands
+            where a file was damaged.
+        end: where the last one has ended.
+        whole: whether they become int64 where all are whole numbers that it holds.
+
+    >>> leading_numbers(np.frombuffer(b"1 2.5 x", np.uint8), np.array([0, 2, 6]), 7).tolist()
+    [1.0, 2.5]
+    """
+    values: NDArray[Any] = np.empty(len(starts), np.int64 if whole else np.float64)
+    for low in range(0, len(starts), _BLOCK):
+        words = starts[low : low + _BLOCK]
+        begin = int(words[0])
+        block = padded(text[begin : int(starts[low + _BLOCK]) if low + _BLOCK < len(starts) else end])
+        block[block == 0] = _NO_TEXT
+        count = len(words)
+        try:
+            found = _numbers(block, whole=values.dtype.kind == "i")
+        except NotANumber as error:
+            count = int(np.searchsorted(words, begin + error.place - PADDING))
+            block[error.place :] = BLANK
+            found = _numbers(block, whole=values.dtype.kind == "i")
+        if found.dtype.kind == "f" and values.dtype.kind == "i":
+            values = values.astype(np.float64)
+        values[low : low + count] = found
+        if count < len(words):
+            return values[: low + count]
+    return values
+
+
+def _numbers(text: NDArray[np.uint8], *, whole: bool) -> NDArray[np.float64] | NDArray[np.int64]:
+    """The numbers of a padded text, as int64 if that is wanted and holds them."""
+    integers = _integers(text) if whole else None
+    return decimals(text)[0] if integers is None else integers
+
+
+def _integers(text: NDArray[np.uint8]) -> NDArray[np.int64] | None:
+    """The numbers of a padded text as int64; None where not all are like 12 and -3, or one is too large."""
+    runs = _plain_runs(text)
+    if runs is None or (runs.before == _DOT).any():
+        return None
+    values = values_of_runs(text, runs.starts, runs.ends - runs.starts)
+    large = np.flatnonzero(values == TOO_LARGE)
+    integers = values.view(np.int64)
+    negative = runs.before == _MINUS
+    np.negative(integers, out=integers, where=negative)
+    for at in large.tolist():
+        if runs.ends[at] - runs.starts[at] > _LONGEST_INTEGER:
+            return None
+        number = int(text[runs.starts[at] : runs.ends[at]].tobytes()) * (-1 if negative[at] else 1)
+        if not -(1 << 63) <= number < 1 << 63:
+            return None
+        integers[at] = number
+    return integers
+
+
 def decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The numbers (k,) of a padded text of nothing but numbers, and where each begins (at its sign or after it).
 
@@ -139,7 +206,7 @@ def decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.i
     >>> decimals(padded(b"0.1 -20 3.25 1e3 .5"))[0].tolist()
     [0.1, -20.0, 3.25, 1000.0, 0.5]
     """
-    plain = _plain_decimals(text)
+    plain = _plain_decimals(text) or _with_powers(text)
     if plain is None:
         return _mixed_decimals(text)
     values, places = plain
@@ -150,12 +217,11 @@ def decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.i
     return values, places
 
 
-def _plain_decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
-    """Sizes of numbers without their signs, NaN for one that is not sure; None where not all are like 12 and -3.4."""
+def _plain_runs(text: NDArray[np.uint8]) -> Runs | None:
+    """The runs of digits in a text of nothing but these, signs and dots before them, and blanks; None for others."""
     runs = digit_runs(text)
     sizes = runs.ends - runs.starts
-    broken = runs.before == _DOT
-    tails = np.flatnonzero(broken)
+    tails = np.flatnonzero(runs.before == _DOT)
     signs = np.flatnonzero(runs.before == _MINUS)
     loose = int((runs.before <= BLANK).sum())
     # Each run is of one of three kinds, and no character is left that belongs to none.
@@ -165,9 +231,31 @@ def _plain_decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArr
         return None
     if (text[runs.starts[signs] - 2] > BLANK).any():
         return None
+    return runs
+
+
+def _plain_decimals(
+    text: NDArray[np.uint8], marks: NDArray[np.int64] | None = None, powers: NDArray[np.int64] | int = 0
+) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+    """Sizes of numbers without their signs, NaN for one that is not sure; None where not all are like 12 and -3.4.
+
+    Args:
+        text: padded.
+        marks: the places behind numbers that powers of ten belong to.
+        powers: of ten.
+    """
+    runs = _plain_runs(text)
+    if runs is None:
+        return None
+    sizes = runs.ends - runs.starts
+    broken = runs.before == _DOT
+    tails = np.flatnonzero(broken)
     values = values_of_runs(text, runs.starts, sizes)
     if len(tails) == 0:
-        return _quotients(values, np.zeros(len(values), np.int64), values == TOO_LARGE), runs.starts
+        after = np.zeros(len(values), np.int64)
+        if marks is not None:
+            after[np.searchsorted(runs.starts, marks) - 1] -= powers
+        return _quotients(values, after, values == TOO_LARGE), runs.starts
     if tails[0] == 0 or broken[tails - 1].any() or (runs.ends[tails - 1] + 1 != runs.starts[tails]).any():
         return None
     heads = np.flatnonzero(~broken)
@@ -181,15 +269,47 @@ def _plain_decimals(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArr
     large = (sizes[heads] + after > MOST_DIGITS) & (whole > 0)
     large |= (low == TOO_LARGE) | (whole == TOO_LARGE)
     after[large] = 0
-    return _quotients(whole * _WHOLE_POWERS[after] + low, after, large), runs.starts[heads]
+    whole = whole * _WHOLE_POWERS[after] + low
+    places = runs.starts[heads]
+    if marks is not None:
+        after[np.searchsorted(places, marks) - 1] -= powers
+    return _quotients(whole, after, large), places
+
+
+def _with_powers(text: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+    """The same for a text in which some numbers are like 1e5 and -1.25E-07."""
+    marks = np.flatnonzero((text | _TO_SMALL) == _SMALL_E)
+    if len(marks) == 0:
+        return None
+    sign = text[marks + 1]
+    begins = marks + 1 + ((sign == _MINUS) | (sign == _PLUS))
+    powers, ends = np.zeros(len(marks), np.int64), begins.copy()
+    for step in range(_LONGEST_POWER):
+        digit = text[begins + step] - np.uint8(_ZERO)
+        more = (ends == begins + step) & (digit < 10)
+        powers = np.where(more, 10 * powers + digit, powers)
+        ends += more
+    if (ends == begins).any() or (text[ends] > BLANK).any() or (text[marks - 1] - np.uint8(_ZERO) >= 10).any():
+        return None
+    plain = text.copy()
+    for step in range(_LONGEST_POWER + 2):  # with the e and the sign
+        places = marks + step
+        plain[places[places < ends]] = BLANK
+    return _plain_decimals(plain, marks, np.where(sign == _MINUS, -powers, powers))
 
 
 def _quotients(whole: NDArray[np.uint64], after: NDArray[np.int64], unknown: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The numbers whole / 10^after (k,), rounded right; NaN where that is not sure, and where whole is not known."""
+    upward = after < 0
+    if upward.any() or after.max(initial=0) > _MOST_DECIMALS:
+        unknown = unknown | (after > _MOST_DECIMALS) | (after < -_MOST_DECIMALS) | upward & (whole > _EXACT)
+        after = np.where(unknown, 0, after)
+        upward &= ~unknown
     whole[unknown] = 0
-    powers = _POWERS[after]
+    powers = _POWERS[np.abs(after)]
     upper = whole.astype(np.float64)
     quotient: NDArray[np.float64] = upper / powers
+    np.multiply(upper, powers, out=quotient, where=upward)
     quotient[unknown] = np.nan
     large = np.flatnonzero(whole > _EXACT)
     if len(large) == 0:

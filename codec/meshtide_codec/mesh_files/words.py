@@ -1,25 +1,23 @@
 """The words of a text file and the lines that they stand on: found at once, made to numbers in blocks.
 
-Where each word starts and which word starts each line are found by comparing bytes as arrays; numbers are made by
-numpy's own parser, correctly rounded. A word that is no number is found by halving. Cost: linear in the text.
+Where each word starts and which word starts each line are found by comparing bytes as arrays; `text_numbers` makes the
+numbers. Cost: linear in the text.
 """
 
 from __future__ import annotations
 
 import re
-import warnings
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.text_numbers import BLANK, leading_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
-_BLANK = 32
-"""Bytes up to this one stand between words: blanks, tabs, ends of lines."""
 _INT32 = 1 << 31
 
 
@@ -37,9 +35,10 @@ class Words:
 
     def __init__(self, text: bytes, offset: int = 0) -> None:
         self.text = text
-        raw = np.frombuffer(text, np.uint8, offset=offset)
-        begins = raw > _BLANK
-        begins[1:] &= raw[:-1] <= _BLANK
+        self._raw = np.frombuffer(text, np.uint8)
+        raw = self._raw[offset:]
+        begins = raw > BLANK
+        begins[1:] &= raw[:-1] <= BLANK
         kind = np.int32 if len(text) < _INT32 else np.int64
         self.starts: NDArray[np.signedinteger] = np.flatnonzero(begins).astype(kind)
         """(count,) where each word starts, in bytes of `text`."""
@@ -60,30 +59,14 @@ class Words:
         Raises:
             MeshFileError: one is none; it is named with its line.
         """
-        values = parsed_numbers(self._bytes(start, stop), stop - start, np.dtype(np.float64))
-        if values is None:
-            self.refuse(self.first_bad(start, stop))
-        return values
+        values = leading_numbers(self._raw, self.starts[start:stop], self._end(stop))
+        if len(values) < stop - start:
+            self.refuse(start + len(values))
+        return values.astype(np.float64, copy=False)
 
-    def integers(self, start: int, stop: int) -> NDArray[np.float64] | NDArray[np.int64]:
-        """The same, as integers where all of them are, which is faster.
-
-        Raises:
-            MeshFileError: one is no number.
-        """
-        values = parsed_numbers(self._bytes(start, stop), stop - start, np.dtype(np.int64))
-        return self.numbers(start, stop) if values is None else values
-
-    def first_bad(self, start: int, stop: int) -> int:
-        """The first word of `start` to `stop` that is no number; `stop` if all are."""
-        high = stop + 1
-        while start < high - 1:  # what stands before `start` is good, not all before `high` are
-            middle = (start + high) // 2
-            if parsed_numbers(self._bytes(start, middle), middle - start, np.dtype(np.float64)) is None:
-                high = middle
-            else:
-                start = middle
-        return start
+    def leading(self, start: int, stop: int) -> NDArray[np.float64] | NDArray[np.int64]:
+        """The same up to the first word that is none, as integers where all of them are."""
+        return leading_numbers(self._raw, self.starts[start:stop], self._end(stop), whole=True)
 
     def refuse(self, word: int) -> NoReturn:
         """Say that a word is no number.
@@ -91,7 +74,8 @@ class Words:
         Raises:
             MeshFileError: always.
         """
-        shown = self._bytes(word, word + 1).split(maxsplit=1)[0][:40].decode("ascii", "replace")
+        found = self.text[int(self.starts[word]) : self._end(word + 1)].split(maxsplit=1)[0]
+        shown = found[:40].decode("ascii", "replace")
         raise MeshFileError(f"line {self.line(word)}: a number is missing where {shown!r} stands")
 
     def line(self, word: int) -> int:
@@ -99,26 +83,9 @@ class Words:
         end = int(self.starts[word]) if word < self.count else len(self.text)
         return self.text.count(b"\n", 0, end) + 1
 
-    def _bytes(self, start: int, stop: int) -> bytes:
-        first = int(self.starts[start]) if start < self.count else len(self.text)
-        return self.text[first : int(self.starts[stop]) if stop < self.count else None]
-
-
-def parsed_numbers(text: bytes, count: int, kind: np.dtype[Any]) -> NDArray[Any] | None:
-    """The numbers that a text is made of; None unless they are `count`, and nothing else is there.
-
-    >>> parsed_numbers(b"1 2e3", 2, np.dtype(float)), parsed_numbers(b"1-2", 1, np.dtype(float)) is None
-    (array([1.e+00, 2.e+03]), True)
-    """
-    if count == 0:
-        return np.zeros(0, kind)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # how older versions of numpy tell what is a ValueError now
-        try:
-            values = np.fromstring(text, kind, sep=" ")
-        except (ValueError, DeprecationWarning):
-            return None
-    return values if len(values) == count else None
+    def _end(self, stop: int) -> int:
+        """Where the words before `stop` have ended."""
+        return int(self.starts[stop]) if stop < self.count else len(self.text)
 
 
 def plain_text(data: bytes) -> bytes:

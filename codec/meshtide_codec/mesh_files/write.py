@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.formats import Written, writer_of
+from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.other_formats import write_other
 from meshtide_codec.mesh_files.source import format_suffix
 from meshtide_codec.output_files import (
@@ -42,7 +43,10 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
     suffix = _suffix(path, kind)
     writer = writer_of(suffix)
     try:
-        written = Written(write_other(scene, suffix.lstrip("."))) if writer is None else writer(scene, path.name)
+        if writer is None:
+            written = Written(write_other(scene, suffix.lstrip(".")), notes=tuple(not_kept(scene)))
+        else:
+            written = writer(scene, path.name)
     except MeshFileError as error:
         raise MeshFileError(f"cannot write {path}: {error}") from error
     if written.companions and str(path) == STANDARD_OUTPUT:

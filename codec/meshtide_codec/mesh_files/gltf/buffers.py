@@ -97,7 +97,7 @@ class Buffers:
         Raises:
             MeshFileError: it is more than a hundred times the file, or more than the limits allow.
         """
-        held = self._held + len(self.source.data)
+        held = self._held + len(self.source.content)
         most = min(self.limits.file_bytes, max(_FREE_EXPANSION, _LARGEST_EXPANSION * held))
         if size > most - self._made:
             raise MeshFileError(f"{what} makes {size} bytes, more than a file of {held} bytes may")
@@ -163,17 +163,10 @@ def opened(uri: str, source: Source, limits: FileLimits, place: str) -> bytes | 
     if _SCHEME.match(uri):
         raise MeshFileError(f"{place} names '{shown(uri)}'; only files beside {source.name} are read")
     for name in dict.fromkeys((unquote(uri), uri)):
-        try:
-            data = source.beside(name, limits)
-        except (OSError, ValueError, RuntimeError) as error:  # no name of a file, too long, links in a circle
-            raise MeshFileError(f"{place} names '{shown(name)}', which cannot be read: {_reason(error)}") from error
+        data = source.beside(name, limits)
         if data is not None:
             return data
     return None
-
-
-def _reason(error: Exception) -> str:
-    return (isinstance(error, OSError) and error.strerror) or "no file can be called so"
 
 
 def _data(uri: str, place: str) -> bytes:

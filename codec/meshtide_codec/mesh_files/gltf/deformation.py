@@ -72,7 +72,8 @@ def posed(
 
     Args:
         points: (n, 3).
-        directions: such as normals (n, 3) or tangents (n, 4), whose fourth component stays; they get length one.
+        directions: such as normals (n, 3) or tangents (n, 4), whose fourth component changes its sign where
+            all joints mirror; they get length one.
         sets: joints (n, 4) and weights (n, 4), one pair for each set; without any the pose's other matrix is taken.
         pose: of the skin.
         where: the primitive, for messages.
@@ -92,6 +93,9 @@ def posed(
                 vectors = np.einsum("kij,kj->ki", linear, source[piece, :3])
                 lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
                 result[piece, :3] = vectors / np.where(lengths > 0, lengths, 1)
+    if mirrors(pose):
+        for result in turned:
+            result[:, 3:] *= -1
     return moved, turned
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import NONE, UPPER_LEFT, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.gltf import deformation, draco
@@ -128,10 +128,7 @@ class Geometries:
                     tables[name] = Table(morphed(table.real(), name).astype(np.float32), normalized=False)
         if pose is not None:
             vertices, tables = _posed(vertices, tables, pose, first.where)
-        attributes = tuple(
-            Attribute(name, _kind(name, table), Domain.VERTEX, table.values, normalized=table.normalized)
-            for name, table in tables.items()
-        )
+        attributes = tuple(_attribute(name, table) for name, table in tables.items())
         materials = np.repeat(np.array([one.material for one in primitives], np.int64), sizes)
         return Mesh(vertices, faces, attributes, None if (materials == NONE).all() else materials), sizes
 
@@ -179,6 +176,12 @@ class Geometries:
             raise MeshFileError(f"{place} is damaged: its attributes and faces do not fit together")
         self.accessors.buffers.limits.check_counts(count, len(faces))
         return faces, tables
+
+
+def _attribute(name: str, table: Table) -> Attribute:
+    kind = _kind(name, table)
+    extra = {"origin": UPPER_LEFT} if kind is Kind.TEXCOORD else {}
+    return Attribute(name, kind, Domain.VERTEX, table.values, normalized=table.normalized, extra=extra)
 
 
 def _kind(name: str, table: Table) -> Kind:

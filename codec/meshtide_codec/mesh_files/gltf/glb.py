@@ -33,7 +33,7 @@ class Frame:
     rest: int = 0
 
 
-def unpack(data: bytes) -> Frame:
+def unpack(data: bytes | memoryview) -> Frame:
     """The chunks of a GLB file.
 
     Raises:

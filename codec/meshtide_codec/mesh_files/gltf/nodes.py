@@ -180,6 +180,8 @@ def transforms(translations: Matrix, rotations: Matrix, scales: Matrix) -> Matri
     """
     result = np.zeros((len(translations), 4, 4))
     with np.errstate(all="ignore"):  # what overflows is refused where matrices are multiplied
+        largest = np.abs(rotations).max(axis=1, keepdims=True, initial=0)  # so that no square vanishes or overflows
+        rotations = rotations / np.where(largest > 0, largest, 1)
         lengths = np.linalg.norm(rotations, axis=1, keepdims=True)
         x, y, z, w = (rotations / np.where(lengths > 0, lengths, 1)).T
         w = np.where(lengths[:, 0] > 0, w, 1.0)

@@ -43,13 +43,13 @@ def read_gltf(source: Source, limits: FileLimits) -> Scene:
     Raises:
         MeshFileError: it is none, is damaged, needs what is not known, or claims too much.
     """
-    binary = None
-    plain = source.data
-    if source.suffix == ".glb" or plain[:4] == MAGIC:
-        frame = unpack(plain)
+    if source.suffix == ".glb" or source.view[:4] == MAGIC:
+        frame = unpack(source.view)
         plain, binary = frame.text, frame.binary
         if frame.rest:
             source.note(f"{frame.rest} bytes stand after the end of the file: not read")
+    else:
+        plain, binary = source.data, None
     document = parsed(plain, limits)
     check_required(document)
     buffers = Buffers(document, binary, source, limits)

@@ -20,6 +20,7 @@ from meshtide_codec.mesh_files.gltf.extensions import GEOMETRIC, QUANTIZATION
 from meshtide_codec.mesh_files.gltf.glb import pack
 from meshtide_codec.mesh_files.gltf.write_buffer import Buffer
 from meshtide_codec.mesh_files.gltf.write_vertices import Losses, Part, parts
+from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.source import format_suffix
 
 if TYPE_CHECKING:
@@ -71,7 +72,8 @@ def write_gltf(scene: Scene, name: str) -> Written:
         text = json.dumps(root, separators=(",", ":"), allow_nan=False).encode()
     except (TypeError, ValueError, RecursionError) as error:
         raise MeshFileError(f"what the scene keeps beside its geometry is no JSON: {error}") from error
-    return Written(pack(text, data) if is_glb else text, writing.companions, writing.losses.notes())
+    lost = not_kept(scene, writing.losses.attributes, kept=["materials", "images", "nodes", "cameras"])
+    return Written(pack(text, data) if is_glb else text, writing.companions, (*lost, *writing.losses.notes()))
 
 
 @dataclass(slots=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
+from meshtide_codec.attributes import NONE, UPPER_LEFT, Attribute, Domain, Kind, with_origin
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.gltf.accessors import real
 
@@ -51,10 +51,12 @@ class Losses:
     """What glTF cannot hold of the meshes that are written, told once for all of them.
 
     Args:
-        lines: what is left out or changed.
+        attributes: that are left out.
+        lines: what else is left out or changed.
         rounding: of each attribute that was rounded the largest error.
     """
 
+    attributes: list[Attribute] = field(default_factory=list)
     lines: dict[str, None] = field(default_factory=dict)
     rounding: dict[str, float] = field(default_factory=dict)
 
@@ -79,8 +81,6 @@ def parts(mesh: Mesh, where: str, losses: Losses) -> list[Part]:
         MeshFileError: a position is not finite.
     """
     positions = _positions(mesh, where, losses)
-    if mesh.polygons is not None and mesh.polygons.any():
-        losses.lines["polygons: written as the triangles that they were cut into; glTF has no others"] = None
     attributes = _legal(mesh.attributes, losses)
     rows = [_corner_rows(mesh, one) for one in attributes]
     lacking = np.array([(row == NONE).all(axis=1) for row in rows]).reshape(len(rows), len(mesh.faces))
@@ -113,10 +113,11 @@ def _legal(attributes: Sequence[Attribute], losses: Losses) -> list[Attribute]:
     """The attributes by names and types that glTF allows."""
     taken = {one.name for one in attributes if _OWN_NAME.fullmatch(one.name)}
     result: list[Attribute] = []
-    for one in attributes:
+    for attribute in attributes:
+        one = with_origin(attribute, UPPER_LEFT) if attribute.kind is Kind.TEXCOORD else attribute
         width = one.values.shape[1]
         if width not in _SHAPES:
-            losses.lines[f"{one.name}: left out, as glTF has no attributes of {width} components"] = None
+            losses.attributes.append(one)
             continue
         name = _name(one, taken, {other.name for other in result})
         values, normalized = _typed(one, name.partition("_")[0])
