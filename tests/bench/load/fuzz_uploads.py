@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 import struct
 import sys
@@ -13,6 +12,9 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from damage import damaged, other_bytes
 
 from meshes import grid, shapes, soup
 from meshtide_codec.compact.options import CompactOptions
@@ -25,11 +27,6 @@ IDS = tuple(f"upload-{number}" for number in range(12))
 """Ids under which meshes are put, replaced, read and deleted."""
 _FORMATS = (".ply", ".obj", ".off", ".stl", ".glb")
 _SUFFIXES = (*_FORMATS, ".tide", ".gltf", ".3mf", ".txt", "", ".PLY", ".tar.gz")
-_NUMBERS = (
-    *("nan", "inf", "-inf", "1e400", "-1e-400", "-1", "0", "1", "3", "4294967295", "2147483648", "1e308", "999999999"),
-    *("18446744073709551616", "-9223372036854775808", "0x10", "1_0", "\u0663", "", "1.5", "a"),
-)
-_VALUES = (None, True, -1, 0, 1, 2, 1.5, 2**31, 2**53, 2**64, float("inf"), "", "VEC3", "x" * 300, [], [[]], {}, [0, 0])
 _QUERIES: dict[str, tuple[Any, ...]] = {
     "bits": (1, 4, 8, 12, 16, 24, 30, 31, -1, "x"),
     "profile": ("compact", "classic", "other"),
@@ -80,7 +77,8 @@ class Uploads:
         if kind > 0.9:
             body = pick.randbytes(pick.choice((0, 1, 84, 3000)))
         elif not intact:
-            body = self._damaged(suffix, body)
+            claims = suffix == ".tide" and pick.random() < 0.7
+            body = self._other_claims(body) if claims else damaged(pick, suffix, body)
         name = "scan"
         query: dict[str, Any] = {"bits": pick.choice((6, 8, 10))}
         if pick.random() < 0.15:
@@ -92,59 +90,13 @@ class Uploads:
             return Upload("POST", "/meshes", query, body, intact)
         return Upload("PUT", f"/meshes/{pick.choice(IDS)}", query, body, intact)
 
-    def _damaged(self, suffix: str, body: bytes) -> bytes:
-        for _ in range(self._pick.randrange(1, 4)):
-            if suffix == ".glb" and self._pick.random() < 0.6:
-                body = self._other_json(body)
-            elif suffix == ".tide" and self._pick.random() < 0.7:
-                body = self._other_claims(body)
-            elif suffix != ".tide" and self._pick.random() < 0.5:
-                body = self._other_words(body)
-            else:
-                body = self._other_bytes(body)
-        return body
-
-    def _other_bytes(self, body: bytes) -> bytes:
-        """Some bytes changed, gone, doubled, or the end cut off."""
-        pick = self._pick
-        data = bytearray(body)
-        place = pick.randrange(len(data) + 1)
-        length = pick.choice((1, 2, 4, 12, 50, 1000))
-        match pick.randrange(5):
-            case 0:
-                for _ in range(pick.choice((1, 1, 5, 100)) if data else 0):
-                    data[pick.randrange(len(data))] = pick.randrange(256)
-            case 1:
-                del data[place : place + length]
-            case 2:
-                data[place:place] = data[place : place + length]
-            case 3:
-                data[place:place] = pick.randbytes(length)
-            case _:
-                del data[place:]
-        return bytes(data)
-
-    def _other_words(self, body: bytes) -> bytes:
-        """Words of a text file, or of a header, replaced by odd numbers; or lines in another order."""
-        pick = self._pick
-        lines = body.split(b"\n")
-        index = pick.randrange(min(len(lines), pick.choice((12, len(lines)))))
-        if pick.random() < 0.2:
-            other = pick.randrange(len(lines))
-            lines[index], lines[other] = lines[other], lines[index]
-            return b"\n".join(lines)
-        words = lines[index].split(b" ")
-        words[pick.randrange(len(words))] = pick.choice(_NUMBERS).encode()
-        lines[index] = b" ".join(words)
-        return b"\n".join(lines)
-
     def _other_claims(self, body: bytes) -> bytes:
         """A stream whose checksums are right, and whose header or packets are not."""
         pick = self._pick
         try:
             header, packets = read_container(body)
         except StreamError:
-            return self._other_bytes(body)
+            return other_bytes(pick, body)
         payloads = [bytearray(packet.payload) for packet in packets]
         levels = list(header.levels)
         place = pick.randrange(len(levels))
@@ -171,31 +123,7 @@ class Uploads:
         try:
             return write_container(header, [bytes(payload) for payload in payloads])
         except (StreamError, ValueError, OverflowError, struct.error):
-            return self._other_bytes(body)
-
-    def _other_json(self, body: bytes) -> bytes:
-        """A GLB file of which one value of its JSON is another one; its frame is right."""
-        try:
-            length = struct.unpack_from("<I", body, 12)[0]
-            document = json.loads(body[20 : 20 + length])
-        except (struct.error, ValueError):
-            return self._other_bytes(body)
-        holder, key = self._pick.choice([*_places(document)] or [(document, "asset")])
-        if self._pick.random() < 0.2:
-            del holder[key]
-        else:
-            holder[key] = self._pick.choice(_VALUES)
-        text = json.dumps(document).encode()
-        text += b" " * (-len(text) % 4)
-        rest = body[20 + length :]
-        head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
-        return head + text + rest
-
-
-def _places(value: Any) -> list[tuple[Any, Any]]:
-    """Every place in a JSON document where a value stands."""
-    keys = list(value) if isinstance(value, dict) else list(range(len(value))) if isinstance(value, list) else []
-    return [place for key in keys for place in ((value, key), *_places(value[key]))]
+            return other_bytes(pick, body)
 
 
 def _mesh_files() -> list[tuple[str, bytes]]:
