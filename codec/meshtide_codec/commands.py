@@ -107,7 +107,8 @@ def encode(
 ) -> None:
     """Encode a mesh file into a .tide stream.
 
-    An earlier stream of the same mesh is made anew; any other file that is there is left alone without --overwrite.
+    Without -o, an earlier stream beside the mesh, of the same cube, is made anew. With -o, a stream is replaced that
+    decodes to the very same mesh. Any other file that is there is left alone without --overwrite.
 
     Example: meshtide encode bunny.obj -o bunny.tide
 
@@ -146,8 +147,10 @@ def encode(
         progress("read", 0.0)
         scene = load_scene(mesh, kind=mesh_format)
         loaded = mesh_of(scene, mesh, keep_unreferenced=keep_unreferenced or store_order)
+        if store_order:
+            loaded.check_order(mesh)
         if target.replaces:
-            check_same_mesh(target, scene.mesh(), grid, overwrite=overwrite)
+            check_same_mesh(target, scene.mesh(), grid, by_name=output is None, overwrite=overwrite)
         encoded = encode_mesh(loaded.mesh, options, grid=grid, store_order=store_order, progress=progress)
         progress("merged faces", 1.0)
         merged = merged_by_quantization(loaded.mesh, encoded.quantized)
