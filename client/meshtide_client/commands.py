@@ -17,7 +17,7 @@ from meshtide_client.rendering.commands import register as register_rendering
 from meshtide_client.server_options import CaFileOption
 from meshtide_client.simulation.commands import register as register_simulation
 from meshtide_codec.printable import printable, shown
-from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption
+from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption, named_path
 
 if TYPE_CHECKING:
     from meshtide_client.link.lossy_link import LossyLink
@@ -49,7 +49,13 @@ def fetch(
         str, typer.Argument(help="The mesh: http://host:port/meshes/ID, or any .tide file: its URL, s3://..., a path.")
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Mesh file to write; default: the mesh's id with .ply.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Mesh file to write; default: the mesh's id with .ply.",
+            parser=named_path,
+        ),
     ] = None,
     kind: Annotated[
         str | None, typer.Option("--format", help="Of the mesh file, such as obj; default: as its name ends, or ply.")
@@ -66,7 +72,11 @@ def fetch(
     ] = None,
     keep_levels: Annotated[Path | None, typer.Option(help="Folder to write every level to, as PLY.")] = None,
     stream_file: Annotated[
-        Path | None, typer.Option(help="Keep the stream in this .tide file; what it holds of it is not fetched again.")
+        Path | None,
+        typer.Option(
+            help="Keep the stream in this .tide file; what it holds of it is not fetched again.",
+            parser=named_path,
+        ),
     ] = None,
     timeout: TimeoutOption = 30.0,
     retries: Annotated[int, typer.Option(min=0, help="How often to reconnect without progress before giving up.")] = 5,
@@ -93,7 +103,8 @@ def fetch(
 
     An interrupted download is gone on with when the same command is repeated: what has arrived is kept beside the
     output, in a file that ends in .partial.tide. An existing output is replaced only with --overwrite, and only when
-    the mesh is complete; a --stream-file that holds another stream is left alone without it, and renamed with it. Of several fetches into one file at once, one goes on and the others say so.
+    the mesh is complete; a --stream-file that holds another stream is left alone without it, and renamed with it. Of
+    several fetches into one file at once, one goes on and the others say so.
 
     Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny -o bunny.ply --max-error 0.005
 
@@ -368,9 +379,7 @@ def export(
         )
     if as_json:
         failed = [{"source": failure.source, "error": failure.error} for failure in exported.failed]
-        _print_json(
-            {"folder": str(static), "meshes": [asdict(mesh) for mesh in exported.meshes], "failed": failed}
-        )
+        _print_json({"folder": str(static), "meshes": [asdict(mesh) for mesh in exported.meshes], "failed": failed})
     else:
         size = sum(mesh.bytes or 0 for mesh in exported.meshes)
         failures = f"; {len(exported.failed)} failed" if exported.failed else ""

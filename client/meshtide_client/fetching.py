@@ -131,6 +131,8 @@ class Destination:
         if self.output is not None:
             check_apart(self.output, self.stream_file)
         self.check_output(*read)
+        if self.stream_file is not None and is_written_in_place(self.stream_file):
+            raise OptionError(f"{shown(self.stream_file)} is no regular file, which a stream is kept in; name another")
         if self.partial_path is not None:
             output_file(self.partial_path, read, overwrite=self.overwrite, own=_is_download)
         if self.keep_levels is not None:
@@ -163,9 +165,7 @@ class Destination:
         if path is None:
             return Holding()
         own = self.stream_file is None
-        return PartialFile(
-            path, limits=limits, notify=notify, disposable=own, keep=not own and not self.overwrite
-        )
+        return PartialFile(path, limits=limits, notify=notify, disposable=own, keep=not own and not self.overwrite)
 
 
 def fetch(

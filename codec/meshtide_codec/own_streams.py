@@ -24,6 +24,8 @@ from meshtide_codec.stream.container import MAGIC, ContainerReader
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from meshtide_codec.grid import Grid
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.output_policy import OutputFile
@@ -111,7 +113,7 @@ def is_stream_of(path: Path, mesh: Mesh) -> bool:
 
 def _versions(mesh: Mesh) -> list[Mesh]:
     """The mesh with and without the vertices that no face uses; those that are not finite are never encoded."""
-    finite = np.isfinite(mesh.vertices).all(axis=1)
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(mesh.vertices).all(axis=1))
     if not finite.any() or not finite[mesh.faces].all():
         return []
     whole = mesh if finite.all() else mesh.with_vertices(finite)

@@ -74,9 +74,14 @@ def test_what_is_no_file_is_skipped_with_a_word(tmp_path: Path) -> None:
         Ingested(tmp_path / "pipe.tide", None, "skipped", "it is a pipe, no file"),
     ]
     (tmp_path / "a.ply").unlink()
-    with pytest.raises(OptionError, match=r"no meshes to ingest: .*dead\.ply is a link that leads nowhere; .*is a pipe"):
+    with pytest.raises(
+        OptionError, match=r"no meshes to ingest: .*dead\.ply is a link that leads nowhere; .*is a pipe"
+    ):
         mesh_files([tmp_path])
-    for path, reason in ((tmp_path / "dead.ply", "is a link that leads nowhere"), (tmp_path / "pipe.tide", "is a pipe")):
+    for path, reason in (
+        (tmp_path / "dead.ply", "is a link that leads nowhere"),
+        (tmp_path / "pipe.tide", "is a pipe"),
+    ):
         with pytest.raises(OptionError, match=reason):
             mesh_files([path])
 

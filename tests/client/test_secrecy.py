@@ -14,7 +14,7 @@ from meshtide_client.secrecy import shown_address, without_secrets
 from meshtide_client.static_export import export_static
 from meshtide_client.tide_address import parse_address
 from meshtide_client.transport import Link
-from meshtide_codec.errors import MeshtideError, OptionError, TransferError
+from meshtide_codec.errors import MeshtideError, OptionError
 from scripted_server import Reply, scripted_server
 from streams import encoded_grid
 from web_server import WebServer, web_server

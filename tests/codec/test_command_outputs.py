@@ -189,3 +189,15 @@ def test_any_name_of_a_file_works_and_is_shown_escaped(tmp_path: Path, name: str
     answer = json.loads(meshtide("decode", path.with_suffix(".tide"), "--json").stdout)
     answer["output"].encode("utf-8")
     assert path.with_suffix(".decoded.ply").exists()
+
+
+def test_a_path_to_a_file_that_is_called_hyphen_is_a_file(mesh_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(mesh_file.parent)
+    assert encode(mesh_file, "-o", "./-").exit_code == 0
+    stream = Path("./-").read_bytes()
+    assert len(decode(stream).vertices) == 64
+    Path("./-").write_bytes(mesh_file.read_bytes())
+    assert encode("./-", "--format", "ply").exit_code == 0  # beside it, and not from standard input
+    assert Path("-.tide").read_bytes() == stream
+    assert meshtide("decode", "./-.tide", "-o", ".//-", "--format", "obj", "--overwrite").exit_code == 0
+    assert len(load_mesh(Path.cwd() / "-", kind="obj").vertices) == 64

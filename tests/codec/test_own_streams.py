@@ -97,9 +97,7 @@ def test_a_stream_that_is_damaged_or_cut_off_is_of_no_mesh(tmp_path: Path) -> No
 
 
 @given(mesh=random_meshes(12), bits=st.integers(4, 10))
-def test_every_mesh_knows_its_own_stream(
-    tmp_path_factory: pytest.TempPathFactory, mesh: Mesh, bits: int
-) -> None:
+def test_every_mesh_knows_its_own_stream(tmp_path_factory: pytest.TempPathFactory, mesh: Mesh, bits: int) -> None:
     stream = tmp_path_factory.mktemp("own") / "a.tide"
     encoded = encode(mesh, ClassicOptions(bits=bits))
     stream.write_bytes(encoded.to_bytes())
@@ -129,7 +127,9 @@ def test_an_earlier_stream_may_be_made_anew_and_nothing_else(mesh_file: Path) ->
     stream_of(grid(5), stream)
     for by_name in (False, True):
         with pytest.raises(OptionError, match="there already, and is not a whole stream of this very mesh"):
-            check_same_mesh(stream_target(mesh_file, stream, overwrite=False), grid(4), by_name=by_name, overwrite=False)
+            check_same_mesh(
+                stream_target(mesh_file, stream, overwrite=False), grid(4), by_name=by_name, overwrite=False
+            )
     check_same_mesh(stream_target(mesh_file, stream, overwrite=True), grid(4), overwrite=True)
 
 

@@ -46,8 +46,8 @@ class SceneMesh:
         """
         if self.not_finite is not None:
             raise MeshError(
-                f"{name}: vertex {self.not_finite} is not finite and of no face, so it cannot be kept, and the order of the "
-                "vertices would not be the file's; give it finite coordinates, or leave --store-order out"
+                f"{name}: vertex {self.not_finite} is not finite and of no face, so it cannot be kept, and the order "
+                "of the vertices would not be the file's; give it finite coordinates, or leave --store-order out"
             )
 
 
