@@ -95,6 +95,7 @@ class Arrival:
         """All events until everything that was asked for is held; packets are in the holding before they are told.
 
         Raises:
+            OptionError: the holding is a file that is to be kept, and holds another stream.
             TransferError: there was no connection, or it was lost too often.
             ProtocolError, PeerError, StreamError: the server is none, refused, or sent something damaged.
             OSError: the holding cannot be written.
@@ -164,16 +165,18 @@ class Arrival:
             self._failures = 0
             self._moved = True
         elif isinstance(event, HeaderEvent) and not event.resumed:
-            if self._holding.header is not None:
-                self._restart()
+            changed = self._holding.header is not None
+            if changed:
+                self._count_change()
             self._holding.begin(event.header, event.header_bytes)
+            if changed:
+                self._notify(f"the stream of {self._address.mesh} has changed on the server; the download starts over")
 
-    def _restart(self) -> None:
+    def _count_change(self) -> None:
         """The server has another stream than the one that is held: an honest one changes it now and then."""
         self._changes += 1
         if self._changes > 1 + self._link.retries:
             raise ProtocolError(f"the stream of {self._address} has changed on the server {self._changes} times")
-        self._notify(f"the stream of {self._address.mesh} has changed on the server; the download starts over")
 
     async def _recover(self, error: TransferError | ProtocolError) -> None:
         """Wait before the next attempt, turn to the next transport, or raise `error` with what is held."""

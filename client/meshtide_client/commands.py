@@ -17,7 +17,7 @@ from meshtide_client.rendering.commands import register as register_rendering
 from meshtide_client.server_options import CaFileOption
 from meshtide_client.simulation.commands import register as register_simulation
 from meshtide_codec.printable import printable, shown
-from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption
+from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption, named_path
 
 if TYPE_CHECKING:
     from meshtide_client.link.lossy_link import LossyLink
@@ -49,7 +49,16 @@ def fetch(
         str, typer.Argument(help="The mesh: http://host:port/meshes/ID, or any .tide file: its URL, s3://..., a path.")
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Mesh file to write; default: the mesh's id with .ply.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Mesh file to write; default: the mesh's id with .ply.",
+            parser=named_path,
+        ),
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Option("--format", help="Of the mesh file, such as obj; default: as its name ends, or ply.")
     ] = None,
     until_level: Annotated[
         int | None, typer.Option(min=0, help="Fetch what this level needs; 0 is the finest.")
@@ -63,7 +72,11 @@ def fetch(
     ] = None,
     keep_levels: Annotated[Path | None, typer.Option(help="Folder to write every level to, as PLY.")] = None,
     stream_file: Annotated[
-        Path | None, typer.Option(help="Keep the stream in this .tide file; what it holds is not fetched again.")
+        Path | None,
+        typer.Option(
+            help="Keep the stream in this .tide file; what it holds of it is not fetched again.",
+            parser=named_path,
+        ),
     ] = None,
     timeout: TimeoutOption = 30.0,
     retries: Annotated[int, typer.Option(min=0, help="How often to reconnect without progress before giving up.")] = 5,
@@ -90,7 +103,8 @@ def fetch(
 
     An interrupted download is gone on with when the same command is repeated: what has arrived is kept beside the
     output, in a file that ends in .partial.tide. An existing output is replaced only with --overwrite, and only when
-    the mesh is complete. Of several fetches into one file at once, one goes on and the others say so.
+    the mesh is complete; a --stream-file that holds another stream is left alone without it, and renamed with it. Of
+    several fetches into one file at once, one goes on and the others say so.
 
     Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny -o bunny.ply --max-error 0.005
 
@@ -105,6 +119,7 @@ def fetch(
     from meshtide_client.tide_address import parse_address
     from meshtide_client.transport import Link
     from meshtide_codec.limits import wanted_limits
+    from meshtide_codec.output_files import is_standard_output
     from meshtide_codec.stream.session import Until
 
     address = parse_address(url)
@@ -123,14 +138,16 @@ def fetch(
             limits=wanted_limits(max_vertices, max_faces),
             loss=lossy,
             overwrite=overwrite,
+            kind=kind,
             on_level=display.on_level,
             notify=display.notify,
             progress=display.progress,
         )
+    aside = is_standard_output(target)
     if as_json:
-        _print_json(result_json(result, output=target, stream_file=stream_file))
+        _print_json(result_json(result, output=target, stream_file=stream_file), err=aside)
     else:
-        typer.echo(result_line(result, target))
+        typer.echo(result_line(result, target), err=aside)
 
 
 def meshes(
@@ -268,7 +285,8 @@ def ingest(
     """Put many meshes online: upload them to a server, or encode them here, or on a cluster, into its store.
 
     Contents that are there already are left alone, whatever their files are called, so an ingest that was interrupted
-    goes on when the command is repeated. Uploads take a write token. Exit code 1 if any file failed.
+    goes on when the command is repeated. Uploads take a write token. Exit code 1 if any file failed. What lies in a
+    folder and is no file, such as a link that leads nowhere, is told and skipped.
 
     Example: MESHTIDE_TOKEN=... meshtide ingest scans/ --server http://localhost:8000
 
@@ -286,9 +304,11 @@ def ingest(
     into_store = (data, store, database, workers, distributed) != (None,) * 5
     if into_store == (server is not None):
         raise OptionError("say where to: --server, or --data, or --store and --database")
-    files = mesh_files(paths)
+    files, skipped = mesh_files(paths)
     how = {"bits": bits, "profile": profile, "effort": effort}
     with IngestDisplay(len(files), quiet=as_json) as display:
+        for odd in skipped:
+            display.skip(odd)
         if server is not None:
             given = {**how, "tag": tag, "licence": licence or None}
             results = ingest_files(
@@ -309,7 +329,7 @@ def ingest(
             results = ingest_into_store(files, options, replace=replace, progress=display.tell, stage=display.stage)
     place = {"server": server and shown_address(server), "data": data, "store": store, "scheduler": distributed}
     if print_ingested(
-        results, {name: str(value) for name, value in place.items() if value is not None}, as_json=as_json
+        [*results, *skipped], {name: str(value) for name, value in place.items() if value is not None}, as_json=as_json
     ):
         raise typer.Exit(ExitCode.FAILURE)
 
@@ -333,7 +353,8 @@ def export(
 ) -> None:
     """Write a folder of .tide files, with a list of them, that works on any web server.
 
-    What an earlier export of the same source put there is made anew; other meshes of the folder stay.
+    What an earlier export of the same source put there is made anew; other meshes of the folder stay. A mesh that fails
+    is told and stops no other; exit code 1 if any did.
 
     Example: meshtide export scans/ http://localhost:8000 --static site; python -m http.server --directory site
     """
@@ -343,23 +364,28 @@ def export(
     from meshtide_client.credentials import find_token
     from meshtide_client.static_export import export_static
     from meshtide_client.transport import Link
-    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.command_line import LONGEST_EXPLANATION, ExitCode, progress_bar
     from meshtide_codec.command_options import profile_options
 
     options = profile_options(profile, bits, {"effort": effort}, {})
     link = Link(timeout=timeout, token=find_token(token_file), ca_file=ca_file)
 
     def notify(sentence: str) -> None:
-        typer.echo(printable(sentence), err=True)
+        typer.echo(printable(sentence, LONGEST_EXPLANATION), err=True)
 
     with progress_bar("export"):
         exported = asyncio.run(
             export_static(sources, static, options=options, link=link, notify=notify, overwrite=overwrite)
         )
     if as_json:
-        _print_json({"folder": str(static), "meshes": [asdict(mesh) for mesh in exported]})
+        failed = [{"source": failure.source, "error": failure.error} for failure in exported.failed]
+        _print_json({"folder": str(static), "meshes": [asdict(mesh) for mesh in exported.meshes], "failed": failed})
     else:
-        typer.echo(f"{shown(static)}: {len(exported)} meshes, {sum(mesh.bytes or 0 for mesh in exported)} bytes")
+        size = sum(mesh.bytes or 0 for mesh in exported.meshes)
+        failures = f"; {len(exported.failed)} failed" if exported.failed else ""
+        typer.echo(f"{shown(static)}: {len(exported.meshes)} meshes, {size} bytes{failures}")
+    if exported.failed:
+        raise typer.Exit(ExitCode.FAILURE)
 
 
 def demo(
@@ -392,7 +418,7 @@ def _lossy_link(loss: str | None, seed: int, unprotected: str) -> LossyLink | No
     return LossyLink.parse(loss, seed, unprotected)
 
 
-def _print_json(answer: object) -> None:
+def _print_json(answer: object, *, err: bool = False) -> None:
     from meshtide_codec.json_text import json_text
 
-    typer.echo(json_text(answer))
+    typer.echo(json_text(answer), err=err)

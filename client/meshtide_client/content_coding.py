@@ -79,7 +79,7 @@ class ContentDecoder:
                         raise zlib.error("bytes follow its end")
                     self._zlib = zlib.decompressobj(_GZIP)  # the next member
         except zlib.error as error:
-            raise TransferError(f"{self._shown} arrived damaged inside of its compression ({error})") from error
+            raise TransferError(f"{self._shown} arrived damaged inside of its compression") from error
 
     def end(self) -> None:
         """Take note that no more bytes come.

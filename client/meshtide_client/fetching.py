@@ -23,9 +23,10 @@ from meshtide_client.partial_file import PartialFile
 from meshtide_client.streaming import Reception
 from meshtide_client.tide_address import TideAddress, parse_address
 from meshtide_codec.errors import MeshFileError, OptionError
-from meshtide_codec.mesh_files import is_mesh_path, save_mesh
+from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.mesh_files.formats import SUFFIXES as MESH_SUFFIXES
-from meshtide_codec.output_files import orderly_termination
+from meshtide_codec.mesh_files.write import format_of
+from meshtide_codec.output_files import is_written_in_place, orderly_termination
 from meshtide_codec.output_policy import check_apart, output_file, output_folder
 from meshtide_codec.printable import shown
 from meshtide_codec.stream.container import MAGIC, PREAMBLE_BYTES
@@ -85,6 +86,7 @@ class Destination:
         stream_file: `.tide` file of the packets, kept afterwards, or None.
         keep_levels: folder for the mesh of each level, or None.
         overwrite: whether files of meshes that are there already are replaced.
+        kind: format of the output, in place of what its name tells; what is no regular file is PLY without it.
 
     Raises:
         MeshFileError: the output's format is unknown.
@@ -94,16 +96,25 @@ class Destination:
     stream_file: Path | None = None
     keep_levels: Path | None = None
     overwrite: bool = True
+    kind: str | None = None
 
     def __post_init__(self) -> None:
-        if self.output is not None and not is_mesh_path(self.output):
-            raise MeshFileError(f"cannot write {self.output}: its name must end with one of {_suffixes()}")
+        if self.output is not None and f".{self.format}" not in MESH_SUFFIXES:
+            told = "its name must end with one of" if self.kind is None else f"{self.kind} is none of the formats"
+            raise MeshFileError(f"cannot write {self.output}: {told} {_suffixes()}")
+
+    @property
+    def format(self) -> str:
+        """Of the output, such as ply."""
+        return "ply" if self.output is None else format_of(self.output, self.kind)
 
     @property
     def partial_path(self) -> Path | None:
         """Where packets are kept while they arrive."""
         if self.stream_file is not None or self.output is None:
             return self.stream_file
+        if is_written_in_place(self.output):
+            return None
         return self.output.with_name(_partial_name(self.output.name))
 
     def prepare(self, address: Address) -> None:
@@ -120,12 +131,15 @@ class Destination:
         if self.output is not None:
             check_apart(self.output, self.stream_file)
         self.check_output(*read)
+        if self.stream_file is not None and is_written_in_place(self.stream_file):
+            raise OptionError(f"{shown(self.stream_file)} is no regular file, which a stream is kept in; name another")
         if self.partial_path is not None:
             output_file(self.partial_path, read, overwrite=self.overwrite, own=_is_download)
         if self.keep_levels is not None:
             check_levels(self.keep_levels, address.file_stem, overwrite=self.overwrite)
             self.keep_levels.mkdir(parents=True, exist_ok=True)
-        folders = [self.keep_levels] + [file.parent for file in (self.output, self.stream_file) if file is not None]
+        files = [file for file in (self.output, self.stream_file) if file is not None and not is_written_in_place(file)]
+        folders = [self.keep_levels] + [file.parent for file in files]
         for folder in folders:
             if folder is not None:
                 _check_writable(folder)
@@ -140,11 +154,18 @@ class Destination:
             output_file(self.output, read, overwrite=self.overwrite)
 
     def open(self, limits: Limits | None, notify: Callable[[str], None] | None) -> Holding:
-        """The holding that packets go into."""
+        """The holding that packets go into.
+
+        Raises:
+            OptionError: the stream file holds something else, and is not to be replaced.
+            TransferError: another process is writing it.
+            OSError: it cannot be read or written.
+        """
         path = self.partial_path
         if path is None:
             return Holding()
-        return PartialFile(path, limits=limits, notify=notify, disposable=self.stream_file is None)
+        own = self.stream_file is None
+        return PartialFile(path, limits=limits, notify=notify, disposable=own, keep=not own and not self.overwrite)
 
 
 def fetch(
@@ -162,6 +183,7 @@ def fetch(
     transport: str = "auto",
     loss: LossyLink | None = None,
     overwrite: bool = True,
+    kind: str | None = None,
 ) -> FetchResult:
     """Fetch the mesh at `url`, and wait until it is there.
 
@@ -181,7 +203,9 @@ def fetch(
         transport: "websocket", "http" (ranges of the file), "download" (one plain request), or "auto" for the first
             of them that works.
         loss: a lossy link that the packets go over before they are decoded, for experiments.
-        overwrite: whether files of meshes that are there already are replaced.
+        overwrite: whether files of meshes that are there already are replaced; a stream file that holds another stream
+            is renamed.
+        kind: format of the output, such as obj, in place of what its name tells.
 
     Raises:
         OptionError: `url` is not the address of a mesh, or cannot be read by that transport, or `until` allows less
@@ -193,7 +217,7 @@ def fetch(
         MeshFileError, OSError: a file cannot be written.
     """
     address = parse_address(url)
-    destination = Destination(_path(output), _path(stream_file), _path(keep_levels), overwrite)
+    destination = Destination(_path(output), _path(stream_file), _path(keep_levels), overwrite, kind)
     destination.prepare(address)
     holding = destination.open(limits, notify)
     try:
@@ -213,7 +237,7 @@ def fetch(
         )
         result = _run(_Fetch(address, destination, reception, on_level))
         if destination.output is not None:
-            _save(result.mesh, destination.output, replace=overwrite)
+            save_mesh(result.mesh, destination.output, kind=destination.format, replace=overwrite)
         if isinstance(holding, PartialFile) and destination.stream_file is None:
             holding.discard()
     except KeyboardInterrupt:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from meshtide_client.ingest_plan import Ingested
 
-STATES = ("done", "kept", "failed", "left")
+STATES = ("done", "kept", "failed", "left", "skipped")
 
 
 class IngestDisplay:
@@ -25,7 +25,7 @@ class IngestDisplay:
 
     Args:
         total: how many files there are.
-        quiet: whether failures are left for the JSON object.
+        quiet: whether failures, and what is skipped, are left for the JSON object.
     """
 
     def __init__(self, total: int, *, quiet: bool) -> None:
@@ -52,8 +52,16 @@ class IngestDisplay:
     def tell(self, result: Ingested) -> None:
         """A file is through."""
         self._bar.advance(self._task)
-        if result.state == "failed" and not self._quiet:
-            self._console.print(printable(f"{result.file}: {result.error}"), style="red", markup=False, soft_wrap=True)
+        if result.state == "failed":
+            self._print(result, "red")
+
+    def skip(self, result: Ingested) -> None:
+        """Something in a folder is no file, and not counted among them."""
+        self._print(result, "yellow")
+
+    def _print(self, result: Ingested, style: str) -> None:
+        if not self._quiet:
+            self._console.print(printable(f"{result.file}: {result.error}"), style=style, markup=False, soft_wrap=True)
 
     def stage(self, what: str) -> None:
         """Show what is being done, such as the compilation of kernels in a first run."""
@@ -74,5 +82,6 @@ def print_ingested(results: Sequence[Ingested], place: dict[str, str], *, as_jso
         typer.echo(json_text({**place, **counts, "files": rows}))
     else:
         left = f", {counts['left']} not begun" if counts["left"] else ""
+        left += f", {counts['skipped']} skipped" if counts["skipped"] else ""
         typer.echo(f"{counts['done']} ingested, {counts['kept']} there before, {counts['failed']} failed{left}")
     return counts["failed"] + counts["left"]

@@ -12,15 +12,19 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
+from meshtide_client.folder_search import found_below, oddity
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import is_mesh_path
-from meshtide_codec.printable import listed_name
+from meshtide_codec.printable import listed_name, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from meshtide_client.folder_search import Skipped
+
 FAILED = "failed"
+SKIPPED = "skipped"
 _PREFERENCE = (FAILED, "encoding", "ready")
 """Of several meshes of one content, which one stands for them."""
 
@@ -52,8 +56,9 @@ class Ingested:
     Args:
         file: itself.
         mesh: id of its mesh, or None if there is none.
-        state: "done", "kept" for one whose content was there already, "failed", or "left" for one that was not begun.
-        error: why it failed or was left.
+        state: "done", "kept" for one whose content was there already, "failed", "left" for one that was not begun, or
+            "skipped" for what lies in a folder and is no file.
+        error: why it failed, was left or skipped.
     """
 
     file: Path
@@ -77,23 +82,33 @@ class Sending:
     mesh: str | None
 
 
-def mesh_files(paths: Sequence[Path]) -> list[Path]:
+def mesh_files(paths: Sequence[Path]) -> tuple[list[Path], list[Ingested]]:
     """Mesh files and streams: those that are named, and those in folders that are named, at any depth, sorted.
 
+    Returns:
+        The files, and what in the folders was skipped, with the reason.
+
     Raises:
-        OptionError: one of them is not there, or there are no meshes at all.
+        OptionError: one of them is not there or no file, or there are no meshes at all.
     """
     found: list[Path] = []
+    skipped: list[Skipped] = []
     for path in paths:
         if path.is_dir():
-            found += sorted(file for file in path.rglob("*") if file.is_file() and _is_hosted(file))
+            inside, odd = found_below(path, _is_hosted)
+            found += inside
+            skipped += odd
         elif path.is_file():
             found.append(path)
+        elif path.exists() or path.is_symlink():
+            raise OptionError(f"{shown(path)} {oddity(path)}; name files and folders")
         else:
-            raise OptionError(f"there is no file or folder {path}")
+            raise OptionError(f"there is no file or folder {shown(path)}")
     if not found:
-        raise OptionError("there are no meshes to ingest: no .ply, .obj, .off, .stl, .glb or .tide file")
-    return list(dict.fromkeys(found))
+        told = "".join(f"; {shown(path)} {reason}" for path, reason, _ in skipped)
+        raise OptionError(f"there are no meshes to ingest: no .ply, .obj, .off, .stl, .glb or .tide file{told}")
+    rows = [Ingested(path, None, FAILED if failed else SKIPPED, f"it {reason}") for path, reason, failed in skipped]
+    return list(dict.fromkeys(found)), rows
 
 
 class IngestPlan:

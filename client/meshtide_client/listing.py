@@ -176,7 +176,9 @@ def _meshes(server: ServerAddress, value: Any) -> list[HostedMesh]:  # noqa: ANN
         return [hosted_mesh(row) for row in plain_values.array(value, "the list of meshes")]
     except (plain_values.BadValueError, LookupError, TypeError, AttributeError) as error:
         place = without_secrets(server.listing_url)
-        raise ProtocolError(f"{place} does not list meshes ({error}); check the address") from error
+        raise ProtocolError(
+            f"{place} does not list meshes ({plain_values.fault_of(error)}); check the address"
+        ) from error
 
 
 def _get(client: WebClient, url: str, query: list[Parameter]) -> _Page:

@@ -13,7 +13,9 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, BinaryIO
 
 from meshtide_client.holding import Holding
-from meshtide_codec.errors import StreamError, TransferError, TruncatedError
+from meshtide_codec.errors import OptionError, StreamError, TransferError, TruncatedError
+from meshtide_codec.output_policy import REMEDY
+from meshtide_codec.printable import shown
 from meshtide_codec.stream.container import MAGIC, ContainerReader, preamble
 
 if TYPE_CHECKING:
@@ -38,8 +40,10 @@ class PartialFile(Holding):
         notify: is told, in one sentence, what was wrong with the file and what was done about it.
         disposable: whether the file is this program's own, so that it may be overwritten when the server's stream
             has changed; a file that a person named is renamed instead.
+        keep: whether a file that holds another stream, or none, is left as it is, which is an error.
 
     Raises:
+        OptionError: the file is to be kept, and no download.
         TransferError: another process is writing the file.
         OSError: it cannot be read or written.
     """
@@ -51,11 +55,14 @@ class PartialFile(Holding):
         limits: Limits | None = None,
         notify: Callable[[str], None] | None = None,
         disposable: bool = False,
+        keep: bool = False,
     ) -> None:
         super().__init__()
         self.path = path
         self._notify = notify or (lambda _: None)
         self._disposable = disposable
+        self._keep = keep
+        """Whether what the file held when it was opened has to stay; until something of this download is in it."""
         self._stored: Sequence[Packet] = ()
         self._file = self._open()
         try:
@@ -65,9 +72,19 @@ class PartialFile(Holding):
             raise
 
     def begin(self, header: StreamHeader, header_bytes: bytes) -> None:
-        """Start over with a new stream; an older one is overwritten, or its file renamed."""
+        """Start over with a new stream; an older one is overwritten, or its file renamed.
+
+        Raises:
+            OptionError: the file is to be kept, and holds another stream.
+            OSError: it cannot be written.
+        """
+        if self.header is not None and self._keep:
+            raise OptionError(
+                f"{shown(self.path)} is there already, and holds another stream than the server has; {REMEDY}"
+            )
         if self.header is not None and not self._disposable:
             self._set_aside("holds an older stream")
+        self._keep = False
         self._cut(0)
         super().begin(header, header_bytes)
         self._stored = ()
@@ -141,7 +158,8 @@ class PartialFile(Holding):
         self._stored = reader.packets
         if problem is not None and not isinstance(problem, TruncatedError):
             self._notify(f"{self.path} is damaged ({problem}); its first {self.count} packets are sound and are used")
-        self._cut(self.size)
+        if not self._keep:
+            self._cut(self.size)
 
     def _refuse(self, problem: StreamError | None) -> None:
         """The file has no sound header: start anew, and keep what may be somebody else's."""
@@ -149,6 +167,8 @@ class PartialFile(Holding):
         start = self._file.read(len(MAGIC))
         if isinstance(problem, TruncatedError) and start == MAGIC[: len(start)]:
             self._cut(0)
+        elif self._keep:
+            raise OptionError(f"{shown(self.path)} is there already, and no download ({problem}); {REMEDY}")
         else:
             self._set_aside(f"is not the beginning of a download ({problem})")
 
@@ -163,6 +183,9 @@ class PartialFile(Holding):
         self._file = self._open()
 
     def _store(self, data: bytes) -> None:
+        if self._keep:  # the server has this very stream: what is damaged or behind its packets may go
+            self._cut(self.size)
+            self._keep = False
         self._write(data)
 
     def _write(self, data: bytes) -> None:

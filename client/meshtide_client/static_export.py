@@ -24,12 +24,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from meshtide_client.address import ServerAddress
 from meshtide_client.arrival import Arrival
+from meshtide_client.folder_search import oddity
 from meshtide_client.listing import STATIC_INDEX, HostedMesh, hosted_mesh, list_meshes
 from meshtide_client.partial_file import PartialFile
 from meshtide_client.secrecy import shown_address
 from meshtide_client.tide_address import SUFFIX, parse_address
 from meshtide_client.transport import Link
-from meshtide_codec.errors import MeshFileError, OptionError
+from meshtide_codec.command_line import explanation
+from meshtide_codec.errors import ContainerError, MeshtideError, OptionError
 from meshtide_codec.json_text import json_text
 from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_codec.output_files import move_into_place
@@ -40,7 +42,7 @@ from meshtide_codec.stream.container import ContainerReader
 from meshtide_codec.stream.session import Until
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable
 
     from meshtide_codec.classic.options import ClassicOptions
     from meshtide_codec.compact.options import CompactOptions
@@ -55,6 +57,20 @@ _LONGEST_ID = 100
 _PIECE = 1 << 16
 
 
+class FailedExport(NamedTuple):
+    """A mesh that was not exported: its path or address without secrets, and why."""
+
+    source: str
+    error: str
+
+
+class Export(NamedTuple):
+    """What came of an export: all meshes of the folder, in the order of their ids, and those that failed."""
+
+    meshes: tuple[HostedMesh, ...]
+    failed: tuple[FailedExport, ...]
+
+
 async def export_static(
     sources: Iterable[str],
     folder: Path,
@@ -64,8 +80,10 @@ async def export_static(
     limits: Limits | None = None,
     notify: Callable[[str], None] = lambda _: None,
     overwrite: bool = False,
-) -> Sequence[HostedMesh]:
+) -> Export:
     """Write a static copy of `sources` to `folder`; every packet is verified on the way.
+
+    A mesh that cannot be had, or be used, is told and stops no other; what an earlier export made of it stays.
 
     Args:
         sources: `.tide` files and mesh files (encoded here), folders of them, addresses of servers (all meshes that are
@@ -79,14 +97,13 @@ async def export_static(
         overwrite: whether any files of the same ids are replaced.
 
     Returns:
-        All meshes of the folder, in the order of their ids.
+        All meshes of the folder, and what failed.
 
     Raises:
         OptionError: a source that is none; two that lead to one id, or one whose file is there already and is not its
             own. Nothing has been written then.
-        MeshError: a mesh file that cannot be used.
-        StreamError, TransferError, ProtocolError: a stream that is damaged or cannot be had.
-        OSError: a file cannot be read or written.
+        TransferError, ProtocolError: a server or a bucket does not list its meshes.
+        OSError: the list cannot be written.
     """
     collection = folder / COLLECTION
     output_folder(collection)
@@ -102,23 +119,38 @@ async def export_static(
     )
     targets = [_target(collection, item, told.get(item.identifier), overwrite=overwrite) for item in found]
     collection.mkdir(parents=True, exist_ok=True)
+    failed: list[FailedExport] = []
+
+    def tell_failure(place: str, error: MeshtideError | OSError) -> None:
+        failed.append(FailedExport(place, explanation(error)))
+        notify(f"{place} failed: {failed[-1].error}")
+
     for item, target in zip(found, targets, strict=True):
-        target.path.parent.mkdir(parents=True, exist_ok=True)
-        if is_mesh_path(item.place):
-            target.write(_encoded(Path(item.place), options, notify))
-        else:
-            await _copy(item.place, target, link, limits, notify)
-        told[item.identifier] = _Told(item.file, item.origin, item.mesh)
         place = shown_address(item.place) if "://" in item.place else item.place
-        notify(f"{place}: {target.path}, {target.path.stat().st_size} bytes")
+        try:
+            target.path.parent.mkdir(parents=True, exist_ok=True)
+            if is_mesh_path(item.place):
+                target.write(_encoded(Path(item.place), options, notify))
+            else:
+                await _copy(item.place, target, link, limits, notify)
+            size = target.path.stat().st_size
+        except (MeshtideError, OSError) as error:
+            tell_failure(place, error)
+            continue
+        told[item.identifier] = _Told(item.file, item.origin, item.mesh)
+        notify(f"{place}: {target.path}, {size} bytes")
     places = {path.relative_to(collection).with_suffix("").as_posix(): path for path in collection.rglob(f"*{SUFFIX}")}
     found_files = {identifier: path for identifier, path in places.items() if not re.search(r"(^|/)\.", identifier)}
-    meshes = [_row(path, identifier, limits, told.get(identifier)) for identifier, path in found_files.items()]
-    meshes.sort(key=lambda mesh: mesh.id)
+    meshes = []
+    for identifier, path in sorted(found_files.items()):
+        try:
+            meshes.append(_row(path, identifier, limits, told.get(identifier)))
+        except (MeshtideError, OSError) as error:
+            tell_failure(str(path), error)
     rows = [asdict(mesh) | {ORIGIN: told[mesh.id].origin if mesh.id in told else None} for mesh in meshes]
     text = json_text(rows, indent=1)
     index.write(text.encode())
-    return meshes
+    return Export(tuple(meshes), tuple(failed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,8 +204,11 @@ def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[_
     """Every mesh that `source` stands for."""
     path = Path(source)
     if path.is_dir():
-        files = sorted(file for file in path.iterdir() if file.is_file() and _is_exportable(file))
-        return [_file_item(file) for file in files]
+        files = [file for file in sorted(path.iterdir()) if _is_exportable(file) and not file.is_dir()]
+        for file in files:
+            if (reason := oddity(file)) is not None:
+                notify(f"{file} is left out: it {reason}")
+        return [_file_item(file) for file in files if oddity(file) is None]
     if is_mesh_path(source) and "://" not in source:
         return [_file_item(path)]
     if source.startswith("s3://") and not source.endswith(SUFFIX):
@@ -243,7 +278,7 @@ def _row(path: Path, identifier: str, limits: Limits | None, told: _Told | None)
             reader.feed(piece)
     header = reader.header
     if header is None:
-        raise MeshFileError(f"{shown(path)} is no whole .tide file; delete it and export again")
+        raise ContainerError(f"{shown(path)} is no whole .tide file; delete it and export again")
     own = HostedMesh(
         id=identifier,
         name=listed_name(path) if told is None else told.file,

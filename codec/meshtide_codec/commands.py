@@ -12,7 +12,7 @@ import typer
 
 from meshtide_codec.comparison.commands import print_report, report_target, written_report
 from meshtide_codec.comparison.commands import register as register_comparison
-from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption
+from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption, named_path
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,10 +34,19 @@ def register(app: typer.Typer) -> None:
 
 def encode(
     mesh: Annotated[
-        Path, typer.Argument(help="Mesh file: PLY, OBJ, OFF, STL, GLB, ..., packed by gzip or not; - reads a pipe.")
+        Path,
+        typer.Argument(
+            help="Mesh file: PLY, OBJ, OFF, STL, GLB, ..., packed by gzip or not; - reads a pipe.", parser=named_path
+        ),
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Default: the mesh's name with .tide; - is standard output.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Default: the mesh's name with .tide; - is standard output.",
+            parser=named_path,
+        ),
     ] = None,
     profile: Annotated[
         str, typer.Option(help="compact (small) or classic (the paper's codec, for study).")
@@ -100,14 +109,19 @@ def encode(
     ] = False,
     report_to: Annotated[
         Path | None,
-        typer.Option("--report", help="Bytes by layer, and distances: a folder, .png or .html file; - prints only."),
+        typer.Option(
+            "--report",
+            help="Bytes by layer, and distances: a folder, .png or .html file; - prints only.",
+            parser=named_path,
+        ),
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Encode a mesh file into a .tide stream.
 
-    An earlier stream of the same mesh is made anew; any other file that is there is left alone without --overwrite.
+    Without -o, an earlier stream beside the mesh, of the same cube, is made anew. With -o, a stream is replaced that
+    decodes to the very same mesh. Any other file that is there is left alone without --overwrite.
 
     Example: meshtide encode bunny.obj -o bunny.tide
 
@@ -146,8 +160,10 @@ def encode(
         progress("read", 0.0)
         scene = load_scene(mesh, kind=mesh_format)
         loaded = mesh_of(scene, mesh, keep_unreferenced=keep_unreferenced or store_order)
+        if store_order:
+            loaded.check_order(mesh)
         if target.replaces:
-            check_same_mesh(target, scene.mesh(), grid, overwrite=overwrite)
+            check_same_mesh(target, scene.mesh(), grid, by_name=output is None, overwrite=overwrite)
         encoded = encode_mesh(loaded.mesh, options, grid=grid, store_order=store_order, progress=progress)
         progress("merged faces", 1.0)
         merged = merged_by_quantization(loaded.mesh, encoded.quantized)
@@ -188,7 +204,12 @@ def decode(
     stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Default: the stream's name with .decoded.ply; - is standard output."),
+        typer.Option(
+            "-o",
+            "--output",
+            help="Default: the stream's name with .decoded.ply; - is standard output.",
+            parser=named_path,
+        ),
     ] = None,
     kind: Annotated[
         str | None, typer.Option("--format", help="Of the mesh file, such as obj; default: as its name ends, or ply.")

@@ -1,8 +1,9 @@
 """Whether a `.tide` file was made of a certain mesh, so that `encode` may make it anew.
 
-A stream does not name its source, but it keeps the corner and the side of the mesh's bounding cube exactly, whatever
-the bits, the profile and the effort. Two different meshes that share both to a millionth are taken for versions of one.
-Where the person gave an origin, as adjacent tiles share it, the cube tells nothing of the mesh.
+A stream does not name its source. One that lies under the mesh's default name is taken for an earlier version where its
+cube is the mesh's bounding cube to a millionth, or the grid that is asked for. Under a name that a person gave, meshes
+of a library that are all fitted into one box would be taken for each other: there, a stream has to decode to the very
+mesh, rounded to the stream's own grid.
 """
 
 from __future__ import annotations
@@ -11,16 +12,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.errors import OptionError, StreamError
+from meshtide_codec.errors import MeshError, OptionError, StreamError
 from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_codec.mesh_files.source import GZIP_SUFFIX
 from meshtide_codec.output_files import STANDARD_OUTPUT
 from meshtide_codec.output_policy import REMEDY, output_file
 from meshtide_codec.printable import shown
+from meshtide_codec.quantize import quantize
 from meshtide_codec.stream.container import MAGIC, ContainerReader
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from meshtide_codec.grid import Grid
     from meshtide_codec.mesh import Mesh
@@ -59,22 +63,84 @@ def stream_target(mesh: Path, output: Path | None, *, overwrite: bool) -> Output
     return target
 
 
-def check_same_mesh(target: OutputFile, mesh: Mesh, grid: Grid | None = None, *, overwrite: bool) -> None:
+def check_same_mesh(
+    target: OutputFile, mesh: Mesh, grid: Grid | None = None, *, by_name: bool = False, overwrite: bool
+) -> None:
     """Make sure, before a mesh is encoded, that a stream that is there was made of it.
+
+    Args:
+        target: where the stream goes.
+        mesh: that is encoded.
+        grid: that was asked for.
+        by_name: whether the target has the mesh's default name, so that its cube is enough.
+        overwrite: whether the user wants existing files replaced.
 
     Raises:
         OptionError: it was made of another one.
     """
-    if target.replaces and not overwrite and not is_stream_of(target.path, mesh, grid):
-        raise OptionError(f"{shown(target.path)} is there already, and the stream of another mesh; {REMEDY}")
+    if not target.replaces or overwrite or (by_name and has_cube_of(target.path, mesh, grid)):
+        return
+    if not is_stream_of(target.path, mesh):
+        raise OptionError(
+            f"{shown(target.path)} is there already, and is not a whole stream of this very mesh; {REMEDY}"
+        )
 
 
-def is_stream_of(path: Path, mesh: Mesh, grid: Grid | None = None) -> bool:
-    """Whether a file is a stream of `mesh` on that grid, with or without the vertices that no face uses."""
-    if grid is not None and grid.origin is not None:
-        return False
+def has_cube_of(path: Path, mesh: Mesh, grid: Grid | None = None) -> bool:
+    """Whether a stream's cube is that of `mesh`, or that grid; with or without the vertices that no face uses."""
     header = _header(path)
-    return header is not None and any(_same_cube(header, each, grid) for each in (mesh, mesh.referenced()))
+    return header is not None and any(
+        _same_cube(header, each, chosen) for each in _versions(mesh) for chosen in {None, grid}
+    )
+
+
+def is_stream_of(path: Path, mesh: Mesh) -> bool:
+    """Whether a file decodes to `mesh` on its own grid, with or without the vertices that no face uses.
+
+    Cheap checks come first: the file is decoded only where the counts in its header are those of the mesh.
+    """
+    header = _header(path)
+    if header is None:
+        return False
+    wanted = [each for each in (_quantized(each, header) for each in _versions(mesh)) if each is not None]
+    if not wanted:
+        return False
+    decoded = _decoded(path)
+    return decoded is not None and any(
+        np.array_equal(decoded.vertices, each.vertices) and np.array_equal(decoded.faces, each.faces) for each in wanted
+    )
+
+
+def _versions(mesh: Mesh) -> list[Mesh]:
+    """The mesh with and without the vertices that no face uses; those that are not finite are never encoded."""
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(mesh.vertices).all(axis=1))
+    if not finite.any() or not finite[mesh.faces].all():
+        return []
+    whole = mesh if finite.all() else mesh.with_vertices(finite)
+    used = whole.referenced()
+    return [whole] if used is whole else [whole, used]
+
+
+def _quantized(mesh: Mesh, header: StreamHeader) -> Mesh | None:
+    """The mesh on the grid of a stream, as a decoder would restore it; None where the header tells that it is none."""
+    if header.vertices > len(mesh.vertices) or header.faces > len(mesh.faces):
+        return None
+    try:
+        quantized = quantize(mesh, header.bits, np.array(header.origin, np.float64), header.extent)
+    except (MeshError, OptionError):  # it reaches out of the grid
+        return None
+    same = (len(quantized.positions), len(quantized.faces)) == (header.vertices, header.faces)
+    return quantized.mesh() if same else None
+
+
+def _decoded(path: Path) -> Mesh | None:
+    """The finest level of a whole stream, or None."""
+    from meshtide_codec.decoder import decode  # noqa: PLC0415 - heavy
+
+    try:
+        return decode(path.read_bytes())
+    except (OSError, StreamError, KeyError):  # not to be read, damaged, or without a finest level
+        return None
 
 
 def _is_stream(path: Path) -> bool:
@@ -104,12 +170,16 @@ def _header(path: Path) -> StreamHeader | None:
 
 
 def _same_cube(header: StreamHeader, mesh: Mesh, grid: Grid | None) -> bool:
-    if not len(mesh.vertices):
-        return False
     corner = mesh.vertices.min(axis=0)
-    with np.errstate(over="ignore", invalid="ignore"):
-        side = float((mesh.vertices.max(axis=0) - corner).max())
+    side = None
+    try:
         if grid is not None:
-            side = grid.placed(mesh, header.bits).extent or side
+            _, origin, side = grid.placed(mesh, header.bits)
+            corner = corner if origin is None else origin
+    except OptionError:  # no such grid for this mesh
+        return False
+    with np.errstate(over="ignore", invalid="ignore"):
+        if side is None:
+            side = float((mesh.vertices.max(axis=0) - corner).max())
         slack = _SAME * max(side, header.extent)
         return abs(side - header.extent) <= slack and bool(np.abs(corner - header.origin).max() <= slack)

@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
+
+
+def named_path(text: str) -> Path:
+    """The path of a file as a person typed it: ``-`` alone is a pipe, and ``./-`` a file of that name.
+
+    >>> str(named_path("-")), named_path("./-").is_absolute(), str(named_path("a/-")), str(named_path("./a"))
+    ('-', True, 'a/-', 'a')
+    """
+    path = Path(text)
+    return Path.cwd() / path if str(path) == "-" != text else path
+
 
 OverwriteOption = Annotated[
     bool,

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import threading
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from streams import encoded_grid
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+
+OTHER = encoded_grid(8).to_bytes()
 
 
 class Source:
@@ -137,6 +141,46 @@ async def test_the_partial_file_stays_when_the_output_cannot_be_written(
             await fetched(server, output, on_level=lambda _: output.mkdir(exist_ok=True))
     assert caught.value.filename == str(output)
     assert (tmp_path / "vase.ply.partial.tide").read_bytes() == source.whole
+
+
+async def test_a_stream_file_of_another_mesh_is_left_alone(
+    serving: Callable[..., Any], source: Source, tmp_path: Path
+) -> None:
+    other, told = tmp_path / "other.tide", list[str]()
+    other.write_bytes(OTHER)
+    async with serving(source) as server:
+        with pytest.raises(OptionError, match=r"other\.tide is there already, and holds another stream"):
+            await fetched(server, stream_file=other, overwrite=False, notify=told.append)
+        assert (names(tmp_path), other.read_bytes(), told) == (["other.tide"], OTHER, [])
+        await fetched(server, stream_file=other, overwrite=True)
+        assert names(tmp_path) == ["other.tide", "other.tide.old1"]
+        again = await fetched(server, stream_file=other, overwrite=False)
+    assert again.received_bytes == 0
+    assert other.read_bytes() == source.whole
+
+
+async def test_what_is_no_regular_file_takes_ply_or_the_format_that_is_named(
+    serving: Callable[..., Any], source: Source, tmp_path: Path
+) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    written: list[bytes] = []
+    async with serving(source) as server:
+        for kind in (None, "obj"):
+            reader = threading.Thread(target=lambda: written.append(pipe.read_bytes()))
+            reader.start()
+            await fetched(server, pipe, kind=kind, overwrite=False)
+            reader.join(60)
+        await fetched(server, tmp_path / "nameless", kind="off")
+        await fetched(server, "/dev/null", overwrite=False)
+    assert written[0].startswith(b"ply\n")
+    assert written[1].count(b"\nf ") == source.header.faces
+    assert (tmp_path / "nameless").read_bytes().startswith(b"OFF")
+    assert names(tmp_path) == ["nameless", "pipe"]
+    with pytest.raises(OptionError, match="is no regular file"):
+        fetch(NOWHERE, stream_file="/dev/null")
+    with pytest.raises(MeshFileError, match="docx is none of the formats"):
+        fetch(NOWHERE, tmp_path / "a.ply", kind="docx")
 
 
 def test_an_unknown_format_is_told_before_anything_is_fetched(tmp_path: Path) -> None:

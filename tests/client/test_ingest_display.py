@@ -21,6 +21,12 @@ def test_the_end_is_a_line_or_a_json_object(capsys: pytest.CaptureFixture[str]) 
     left = [*RESULTS, Ingested(Path("c.ply"), None, "left", "not begun: the disk is full")]
     assert print_ingested(left, {}, as_json=False) == 2
     assert capsys.readouterr().out == "1 ingested, 1 there before, 1 failed, 1 not begun\n"
+    skipped = Ingested(Path("d.ply"), None, "skipped", "it is a pipe, no file")
+    assert print_ingested([*RESULTS[:2], skipped], {}, as_json=False) == 0
+    assert capsys.readouterr().out == "1 ingested, 1 there before, 0 failed, 1 skipped\n"
+    with IngestDisplay(2, quiet=False) as display:
+        display.skip(skipped)
+    assert capsys.readouterr().err == "d.ply: it is a pipe, no file\n"
     assert print_ingested(RESULTS[:2], {"store": "kept"}, as_json=True) == 0
     assert json.loads(capsys.readouterr().out) == {
         "store": "kept",
@@ -28,6 +34,7 @@ def test_the_end_is_a_line_or_a_json_object(capsys: pytest.CaptureFixture[str]) 
         "kept": 1,
         "failed": 0,
         "left": 0,
+        "skipped": 0,
         "files": [
             {"file": "a.ply", "mesh": "a", "state": "done", "error": None},
             {"file": "b.ply", "mesh": "a", "state": "kept", "error": None},

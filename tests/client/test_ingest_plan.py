@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -57,9 +58,32 @@ def test_folders_are_searched_and_files_are_taken_as_they_are_named(tmp_path: Pa
     (tmp_path / "deep").mkdir()
     for name in ("b.obj", "a.ply", "deep/c.tide", "notes.txt", "d.gltf"):
         (tmp_path / name).write_bytes(b"x")
-    found = [str(file.relative_to(tmp_path)) for file in mesh_files([tmp_path, tmp_path / "notes.txt"])]
+    found = [str(file.relative_to(tmp_path)) for file in mesh_files([tmp_path, tmp_path / "notes.txt"])[0]]
     assert found == ["a.ply", "b.obj", "deep/c.tide", "notes.txt"]
-    assert len(mesh_files([tmp_path, tmp_path / "a.ply"])) == 3
+    assert len(mesh_files([tmp_path, tmp_path / "a.ply"])[0]) == 3
+
+
+def test_what_is_no_file_is_skipped_with_a_word(tmp_path: Path) -> None:
+    (tmp_path / "a.ply").write_bytes(b"x")
+    (tmp_path / "dead.ply").symlink_to("gone.ply")
+    os.mkfifo(tmp_path / "pipe.tide")
+    files, skipped = mesh_files([tmp_path])
+    assert files == [tmp_path / "a.ply"]
+    assert skipped == [
+        Ingested(tmp_path / "dead.ply", None, "skipped", "it is a link that leads nowhere"),
+        Ingested(tmp_path / "pipe.tide", None, "skipped", "it is a pipe, no file"),
+    ]
+    (tmp_path / "a.ply").unlink()
+    with pytest.raises(
+        OptionError, match=r"no meshes to ingest: .*dead\.ply is a link that leads nowhere; .*is a pipe"
+    ):
+        mesh_files([tmp_path])
+    for path, reason in (
+        (tmp_path / "dead.ply", "is a link that leads nowhere"),
+        (tmp_path / "pipe.tide", "is a pipe"),
+    ):
+        with pytest.raises(OptionError, match=reason):
+            mesh_files([path])
 
 
 def test_nothing_to_ingest_is_an_error(tmp_path: Path) -> None:

@@ -196,6 +196,12 @@ def test_what_is_no_list_of_meshes_is_told(body: bytes) -> None:
         list_meshes(url)
 
 
+@pytest.mark.parametrize("body", [b"[{}]", b"[7]", b'["a"]', json.dumps([READY | {"box": [0]}]).encode()])
+def test_what_is_wrong_with_a_list_is_told_in_words_of_this_program(body: bytes) -> None:
+    with answering(body) as url, pytest.raises(ProtocolError, match="a member is missing, or of another kind"):
+        list_meshes(url)
+
+
 def test_a_refusal_is_told_in_the_servers_words() -> None:
     body = json.dumps({"error": "too-busy", "message": "come back later"}).encode()
     with answering(body, 503) as url, pytest.raises(PeerError, match="come back later") as caught:

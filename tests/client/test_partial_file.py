@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from meshtide_client import partial_file
 from meshtide_client.partial_file import PartialFile
-from meshtide_codec.errors import ProtocolError, TransferError
+from meshtide_codec.errors import OptionError, ProtocolError, TransferError
 from meshtide_codec.stream.container import preamble, read_available, write_container
 from streams import MadeUpStream
 
@@ -144,6 +144,46 @@ def test_an_older_stream_gives_way_to_a_new_one(tmp_path: Path, disposable: bool
     assert kept.exists() is not disposable
     if not disposable:
         assert WHOLE.startswith(kept.read_bytes())
+
+
+@pytest.mark.parametrize("content", [WHOLE, WHOLE + b"more", WHOLE[:-1], WHOLE[:-1] + bytes([WHOLE[-1] ^ 1])])
+def test_a_file_that_is_to_be_kept_stays_to_the_byte(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "a.tide"
+    path.write_bytes(content)
+    other = MadeUpStream(seed=1)
+    file = PartialFile(path, keep=True)
+    with pytest.raises(OptionError, match="a.tide is there already, and holds another stream .*add --overwrite"):
+        file.begin(other.header, other.header_bytes)
+    file.close()
+    assert path.read_bytes() == content
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_that_is_to_be_kept_and_no_download_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.tide"
+    for content in (b"a letter to a friend", WHOLE[:30] + bytes(1000)):
+        path.write_bytes(content)
+        with pytest.raises(OptionError, match="is there already, and no download"):
+            PartialFile(path, keep=True)
+        assert path.read_bytes() == content
+
+
+def test_a_file_that_is_to_be_kept_is_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "a.tide"
+    path.write_bytes(WHOLE[:-1] + bytes([WHOLE[-1] ^ 1]) + b"more")
+    file = PartialFile(path, keep=True)
+    assert file.count == len(STREAM.packets) - 1
+    file.append(file.count, STREAM.packet_bytes[-1])
+    file.close()
+    assert path.read_bytes() == WHOLE
+    file = PartialFile(tmp_path / "b.tide", keep=True)
+    file.begin(STREAM.header, STREAM.header_bytes)
+    other = MadeUpStream(seed=1)
+    file.begin(
+        other.header, other.header_bytes
+    )  # the server has changed it meanwhile: what is there is this download's
+    file.close()
+    assert (tmp_path / "b.tide").read_bytes() == preamble(other.header_bytes)
 
 
 def test_packets_out_of_order_are_refused(tmp_path: Path) -> None:

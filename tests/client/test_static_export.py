@@ -1,24 +1,28 @@
 from __future__ import annotations
 
 import json
+import os
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from meshes import grid
+from meshtide_client import main
 from meshtide_client.listing import list_meshes
 from meshtide_client.static_export import export_static
 from meshtide_client.transport import Link
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.decoder import decode
-from meshtide_codec.errors import OptionError, PacketError, TransferError
+from meshtide_codec.errors import OptionError, TransferError
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.stream.container import read_container
 from streams import encoded_grid
 from web_server import WebServer, web_server
 
 WHOLE = encoded_grid().to_bytes()
+DAMAGED = WHOLE[:-1] + bytes([WHOLE[-1] ^ 1])
 QUICK = Link(retries=0)
 
 
@@ -39,7 +43,8 @@ def listed(site: Path) -> list[tuple[str, int]]:
 
 async def test_a_folder_is_copied_and_encoded(scans: Path, tmp_path: Path) -> None:
     site = tmp_path / "site"
-    meshes = await export_static([str(scans)], site, options=ClassicOptions(bits=8), link=QUICK)
+    meshes, failed = await export_static([str(scans)], site, options=ClassicOptions(bits=8), link=QUICK)
+    assert failed == ()
     assert [(mesh.id, mesh.status) for mesh in meshes] == [("old-vase", "ready"), ("patch", "ready")]
     assert (site / "meshes" / "old-vase.tide").read_bytes() == WHOLE
     encoded = (site / "meshes" / "patch.tide").read_bytes()
@@ -114,7 +119,7 @@ async def test_no_name_breaks_the_list(tmp_path: Path, name: str) -> None:
     (tmp_path / f"{name}.tide").write_bytes(WHOLE)
     (tmp_path / "good.tide").write_bytes(WHOLE)
     told: list[str] = []
-    meshes = await export_static([str(tmp_path)], tmp_path / "site", link=QUICK, notify=told.append)
+    meshes = (await export_static([str(tmp_path)], tmp_path / "site", link=QUICK, notify=told.append)).meshes
     assert len({mesh.id for mesh in meshes}) == 2
     text = (tmp_path / "site" / "meshes" / "index.json").read_text("utf-8")
     assert {row["id"] for row in json.loads(text)} == {mesh.id for mesh in meshes}
@@ -122,13 +127,13 @@ async def test_no_name_breaks_the_list(tmp_path: Path, name: str) -> None:
         row["name"].encode("utf-8")
         assert row["name"].isprintable()
     with web_server(WebServer(text.encode())) as copy:
-        assert list_meshes(copy.url) == tuple(meshes)
+        assert list_meshes(copy.url) == meshes
 
 
 async def test_names_without_letters_are_told_apart(tmp_path: Path) -> None:
     for name in ("網", "猫", "\udcfe", "\udcff"):
         (tmp_path / f"{name}.tide").write_bytes(WHOLE)
-    assert len(await export_static([str(tmp_path)], tmp_path / "site", link=QUICK)) == 4
+    assert len((await export_static([str(tmp_path)], tmp_path / "site", link=QUICK)).meshes) == 4
 
 
 async def test_what_a_server_tells_of_its_meshes_goes_with_them(scans: Path, tmp_path: Path) -> None:
@@ -147,26 +152,87 @@ async def test_what_a_server_tells_of_its_meshes_goes_with_them(scans: Path, tmp
 
     site = tmp_path / "site"
     with web_server(Catalogue(WHOLE, ranges=False)) as server:
-        (cup,) = await export_static([server.url], site, link=QUICK)
+        ((cup,), _) = await export_static([server.url], site, link=QUICK)
     assert (cup.name, cup.tags, cup.licence, cup.source) == ("Cup.obj", ("clay",), "CC BY 4.0", "0a" * 32)
     assert cup.bytes == len(WHOLE)
-    again = await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
+    again = (await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)).meshes
     assert [mesh.licence for mesh in again] == ["CC BY 4.0", None]  # what was exported earlier stays as it was told
     with web_server(WebServer((site / "meshes" / "index.json").read_bytes())) as copy:
-        assert list_meshes(copy.url) == tuple(again)
+        assert list_meshes(copy.url) == again
     (scans / "cup.tide").write_bytes(WHOLE)
-    assert (await export_static([str(scans / "cup.tide")], site, link=QUICK, overwrite=True))[0].licence is None
+    assert (await export_static([str(scans / "cup.tide")], site, link=QUICK, overwrite=True)).meshes[0].licence is None
     (site / "meshes" / "index.json").write_text("no list")
-    assert len(await export_static([str(scans / "cup.tide")], site, link=QUICK, overwrite=True)) == 2
+    assert len((await export_static([str(scans / "cup.tide")], site, link=QUICK, overwrite=True)).meshes) == 2
 
 
 async def test_nothing_damaged_is_exported(scans: Path, tmp_path: Path) -> None:
     site = tmp_path / "site"
     await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
-    (scans / "Old Vase.tide").write_bytes(WHOLE[:-1] + bytes([WHOLE[-1] ^ 1]))
-    with pytest.raises(PacketError, match="is damaged"):
-        await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
+    (scans / "Old Vase.tide").write_bytes(DAMAGED)
+    meshes, failed = await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
+    assert [mesh.id for mesh in meshes] == ["old-vase"]  # of the earlier export
+    ((source, error),) = failed
+    assert source == str(scans / "Old Vase.tide")
+    assert "is damaged" in error
     assert (site / "meshes" / "old-vase.tide").read_bytes() == WHOLE
+
+
+async def test_one_that_fails_stops_no_other_and_each_is_told(scans: Path, tmp_path: Path) -> None:
+    site, told = tmp_path / "site", list[str]()
+    (scans / "a.ply").write_text("no mesh")
+    (scans / "b.tide").write_bytes(DAMAGED)
+    (scans / "c.obj").write_text("v 0 0 0\n")
+    (scans / "dead.ply").symlink_to("gone.ply")
+    os.mkfifo(scans / "pipe.tide")
+    sources, options = [str(scans), str(scans / "gone.ply")], ClassicOptions(bits=8)
+    meshes, failed = await export_static(sources, site, options=options, link=QUICK, notify=told.append)
+    assert [mesh.id for mesh in meshes] == ["old-vase", "patch"] == [identifier for identifier, _ in listed(site)]
+    assert [Path(source).name for source, _ in failed] == ["a.ply", "b.tide", "c.obj", "gone.ply"]
+    assert sum(" failed: " in sentence for sentence in told) == 4
+    assert f"{scans / 'dead.ply'} is left out: it is a link that leads nowhere" in told
+    assert f"{scans / 'pipe.tide'} is left out: it is a pipe, no file" in told
+
+
+async def test_one_mesh_of_a_server_that_fails_stops_no_other(tmp_path: Path) -> None:
+    row = {
+        "status": "ready", "stage": None, "progress": 1.0, "reason": None,
+        "vertices": 1, "faces": 1, "levels": 1, "bytes": 1,
+    }  # fmt: skip
+    index = json.dumps([{"id": name, "name": f"{name}.ply"} | row for name in ("bad", "cup", "pot")]).encode()
+
+    class Catalogue(WebServer):
+        def answer(self, request: BaseHTTPRequestHandler) -> None:
+            answers = {"/meshes?": index, "/meshes/bad": DAMAGED}
+            found = [answer for start, answer in answers.items() if request.path.startswith(start)]
+            self.content = found[0] if found else WHOLE
+            super().answer(request)
+
+    with web_server(Catalogue(WHOLE, ranges=False)) as server:
+        meshes, failed = await export_static([server.url], tmp_path / "site", link=QUICK)
+        assert [mesh.id for mesh in meshes] == ["cup", "pot"]
+        assert [source for source, _ in failed] == [f"{server.url}/meshes/bad"]
+
+
+async def test_a_foreign_file_in_the_folder_is_told_and_not_listed(scans: Path, tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    (site / "meshes").mkdir(parents=True)
+    (site / "meshes" / "notes.tide").write_text("no stream")
+    (site / "meshes" / "short.tide").write_bytes(WHOLE[:20])
+    meshes, failed = await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
+    assert [mesh.id for mesh in meshes] == ["old-vase"]
+    assert [Path(source).name for source, _ in failed] == ["notes.tide", "short.tide"]
+
+
+def test_the_command_ends_with_1_if_any_failed(scans: Path, tmp_path: Path) -> None:
+    (scans / "a.ply").write_text("no mesh")
+    command = ["export", str(scans), "--static", str(tmp_path / "site"), "--profile", "classic"]
+    done = CliRunner().invoke(main.build(), [*command, "--json"])
+    assert done.exit_code == 1
+    answer = json.loads(done.stdout)
+    assert [row["id"] for row in answer["meshes"]] == ["old-vase", "patch"]
+    assert [Path(row["source"]).name for row in answer["failed"]] == ["a.ply"]
+    again = CliRunner().invoke(main.build(), command)
+    assert (again.exit_code, "; 1 failed" in again.stdout, "a.ply failed: " in again.stderr) == (1, True, True)
 
 
 async def test_sources_that_are_none_are_told(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from command_runner import meshtide
 from meshes import grid
 from meshtide_codec.decoder import decode
 from meshtide_codec.errors import MeshFileError, OptionError
+from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 
 if TYPE_CHECKING:
@@ -63,10 +64,23 @@ def test_a_stream_is_made_anew_of_its_own_mesh_only(mesh_file: Path) -> None:
     other.mkdir()
     save_mesh(grid(5), other / "real.ply")
     for output in (stream, mesh_file.parent / "other" / ".." / "real.tide"):
-        assert "the stream of another mesh" in refused(encode(other / "real.ply", "-o", output))
+        assert "not a whole stream of this very mesh" in refused(encode(other / "real.ply", "-o", output))
     assert stream.read_bytes() == second
     assert encode(other / "real.ply", "-o", stream, "--overwrite").exit_code == 0
     assert stream.read_bytes() not in {first, second}
+
+
+def test_a_stream_on_a_chosen_grid_is_made_anew_of_its_own_mesh_only(mesh_file: Path) -> None:
+    chosen = ("--origin", "-9,-9,-9", "--extent", 20)
+    stepped = ("--profile", "classic", "--step", 0.1)
+    stream = mesh_file.with_name("tile.tide")
+    for output in ((), ("-o", stream)):
+        assert encode(mesh_file, *output, *chosen).exit_code == 0
+        assert encode(mesh_file, *output, *chosen).exit_code == 0
+        assert meshtide("encode", mesh_file, *output, *stepped).exit_code == 0
+    save_mesh(Mesh(grid(8).vertices, grid(8).faces[:-1]), mesh_file)
+    assert "not a whole stream of this very mesh" in refused(meshtide("encode", mesh_file, "-o", stream, *stepped))
+    assert meshtide("encode", mesh_file, *stepped).exit_code == 0  # worked on: the stream of its name is made anew
 
 
 def test_two_meshes_with_one_default_name_are_refused(mesh_file: Path) -> None:
@@ -175,3 +189,15 @@ def test_any_name_of_a_file_works_and_is_shown_escaped(tmp_path: Path, name: str
     answer = json.loads(meshtide("decode", path.with_suffix(".tide"), "--json").stdout)
     answer["output"].encode("utf-8")
     assert path.with_suffix(".decoded.ply").exists()
+
+
+def test_a_path_to_a_file_that_is_called_hyphen_is_a_file(mesh_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(mesh_file.parent)
+    assert encode(mesh_file, "-o", "./-").exit_code == 0
+    stream = Path("./-").read_bytes()
+    assert len(decode(stream).vertices) == 64
+    Path("./-").write_bytes(mesh_file.read_bytes())
+    assert encode("./-", "--format", "ply").exit_code == 0  # beside it, and not from standard input
+    assert Path("-.tide").read_bytes() == stream
+    assert meshtide("decode", "./-.tide", "-o", ".//-", "--format", "obj", "--overwrite").exit_code == 0
+    assert len(load_mesh(Path.cwd() / "-", kind="obj").vertices) == 64

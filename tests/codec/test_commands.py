@@ -11,6 +11,7 @@ import pytest
 
 from command_runner import meshtide
 from meshes import grid
+from meshtide_codec.command_line import exit_code
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode as encode_mesh
 from meshtide_codec.errors import LimitError, MeshError, MeshFileError, OptionError, StreamError, TruncatedError
@@ -121,6 +122,18 @@ def test_the_order_of_the_input_can_be_kept(mesh_file: Path, tmp_path: Path) -> 
     assert (restored.faces == original.faces).all()
     assert meshtide("encode", mesh_file, "-o", tmp_path / "lost.tide").exit_code == 0
     assert isinstance(meshtide("decode", tmp_path / "lost.tide", "--input-order").exception, OptionError)
+
+
+def test_an_order_that_is_not_the_files_is_not_stored(tmp_path: Path) -> None:
+    path = tmp_path / "odd.obj"
+    path.write_text("v 0 0 0\nv nan 0 0\nv 1 0 0\nv 0 inf 0\nv 0 1 0\nf 1 3 5\n")
+    error = meshtide("encode", path, "--store-order").exception
+    assert type(error) is MeshError
+    assert exit_code(error) == 3
+    assert "odd.obj: vertex 1 is not finite" in str(error)
+    assert "leave --store-order out" in str(error)
+    assert not path.with_suffix(".tide").exists()
+    assert "2 vertices are not finite" in json.loads(meshtide("encode", path, "--json").stdout)["notes"][0]
 
 
 def test_info_tells_bytes_by_level_and_kind(stream_file: Path) -> None:

@@ -8,13 +8,39 @@ from hypothesis import strategies as st
 from meshtide_codec.stream import plain_values
 from meshtide_codec.stream.plain_values import BadValueError
 
+FAULTS = {
+    "a string in it is not UTF-8",
+    "it is nested too deeply",
+    "a byte begins no value, or a map has a key that cannot be one",
+    "it ends early, or an item is longer than is taken",
+}
+
 
 @given(st.binary(max_size=80))
 def test_unpack_raises_nothing_else(data: bytes) -> None:
     try:
         plain_values.unpack(data, 100)
     except BadValueError as error:
-        assert "not a msgpack value" in str(error)
+        assert str(error).removeprefix("not a msgpack value: ") in FAULTS or "bytes follow it" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("data", "fault"),
+    [
+        (b"\xa2\xa8\xa9", "a string in it is not UTF-8"),
+        (b"\x01\x02\x03", "2 bytes follow it"),
+        (b"\x91" * 5000, "it is nested too deeply"),
+        (b"\xc1", "a byte begins no value, or a map has a key that cannot be one"),
+        (b"\x81\x80\x80", "a byte begins no value, or a map has a key that cannot be one"),
+        (b"", "it ends early, or an item is longer than is taken"),
+        (b"\xd4\x01\x02", "it ends early, or an item is longer than is taken"),
+    ],
+    ids=["text", "more", "deep", "no type", "key", "empty", "extension"],
+)
+def test_what_is_wrong_is_told_in_words_of_this_program(data: bytes, fault: str) -> None:
+    with pytest.raises(BadValueError) as caught:
+        plain_values.unpack(data, 100)
+    assert str(caught.value) == f"not a msgpack value: {fault}"
 
 
 def test_unpack_holds_items_against_the_limit() -> None:

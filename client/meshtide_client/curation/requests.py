@@ -66,7 +66,9 @@ def change_mesh(
     try:
         return hosted_mesh(answer)
     except (plain_values.BadValueError, LookupError, TypeError, AttributeError) as error:
-        raise ProtocolError(f"{address} does not describe a mesh ({error}); check the address") from error
+        raise ProtocolError(
+            f"{address} does not describe a mesh ({plain_values.fault_of(error)}); check the address"
+        ) from error
 
 
 def delete_mesh(
@@ -114,7 +116,9 @@ def list_tags(
             for row in rows
         }
     except (plain_values.BadValueError, LookupError, TypeError) as error:
-        raise ProtocolError(f"{server} does not list tags ({error}); check the address") from error
+        raise ProtocolError(
+            f"{server} does not list tags ({plain_values.fault_of(error)}); check the address"
+        ) from error
 
 
 def _ask(

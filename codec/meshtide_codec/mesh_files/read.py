@@ -29,11 +29,26 @@ class SceneMesh:
         mesh: all that is shown.
         unreferenced: vertices that no face uses and that were left out.
         notes: what a person should know of it.
+        not_finite: index in the scene's mesh of the first vertex that was left out because a coordinate of it is not
+            finite, or None.
     """
 
     mesh: Mesh
     unreferenced: int
     notes: tuple[str, ...]
+    not_finite: int | None = None
+
+    def check_order(self, name: Path | str) -> None:
+        """Make sure that vertices stand as the file of that name has them, for those who store their order.
+
+        Raises:
+            MeshError: one was left out that is not finite, so that all later ones have other indices.
+        """
+        if self.not_finite is not None:
+            raise MeshError(
+                f"{name}: vertex {self.not_finite} is not finite and of no face, so it cannot be kept, and the order "
+                "of the vertices would not be the file's; give it finite coordinates, or leave --store-order out"
+            )
 
 
 def is_mesh_path(path: Path | str) -> bool:
@@ -105,6 +120,7 @@ def mesh_of(scene: Scene, name: Path | str = "", *, keep_unreferenced: bool = Fa
 
 def _checked(mesh: Mesh, told: Sequence[str], *, keep_unreferenced: bool) -> SceneMesh:
     notes = list(told)
+    not_finite = None
     if len(mesh.vertices) == 0:
         raise MeshFileError("there are no vertices in it")
     if len(mesh.faces) == 0:
@@ -113,12 +129,12 @@ def _checked(mesh: Mesh, told: Sequence[str], *, keep_unreferenced: bool) -> Sce
     used[mesh.faces.reshape(-1)] = True
     finite = used.all() or np.isfinite(mesh.vertices).all()
     if not finite and (unfinished := ~used & ~np.isfinite(mesh.vertices).all(axis=1)).any():
-        count = int(unfinished.sum())
+        count, not_finite = int(unfinished.sum()), int(np.argmax(unfinished))
         notes.append(f"{count} {'vertex is' if count == 1 else 'vertices are'} not finite and of no face: left out")
         mesh, used = mesh.with_vertices(~unfinished), used[~unfinished]
     mesh = Mesh.checked(mesh.vertices, mesh.faces, mesh.attributes, mesh.materials, mesh.polygons)
     unreferenced = 0 if keep_unreferenced else int((~used).sum())
-    return SceneMesh(mesh.with_vertices(used) if unreferenced else mesh, unreferenced, tuple(notes))
+    return SceneMesh(mesh.with_vertices(used) if unreferenced else mesh, unreferenced, tuple(notes), not_finite)
 
 
 def _because(notes: list[str]) -> str:

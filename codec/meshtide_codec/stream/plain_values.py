@@ -37,7 +37,31 @@ def unpack(data: bytes | memoryview, largest_item: int) -> Any:  # noqa: ANN401 
             max_ext_len=0,
         )
     except (ValueError, TypeError, RecursionError, OverflowError, msgpack.UnpackException) as error:
-        raise BadValueError(f"not a msgpack value: {error or type(error).__name__}") from error
+        raise BadValueError(f"not a msgpack value: {_fault(error)}") from error
+
+
+def _fault(error: Exception) -> str:
+    """What is wrong with bytes that msgpack refused, in words of this program."""
+    match error:
+        case UnicodeDecodeError():
+            return "a string in it is not UTF-8"
+        case msgpack.ExtraData():
+            return f"{len(error.extra)} bytes follow it"
+        case msgpack.StackError() | RecursionError():
+            return "it is nested too deeply"
+        case msgpack.FormatError() | TypeError():
+            return "a byte begins no value, or a map has a key that cannot be one"
+        case _:
+            return "it ends early, or an item is longer than is taken"
+
+
+def fault_of(error: Exception) -> str:
+    """What is wrong with a value that was read by its members: the words of `BadValueError`, or that one is missing.
+
+    >>> fault_of(BadValueError("size must be an integer")), fault_of(KeyError("id"))
+    ('size must be an integer', 'a member is missing, or of another kind')
+    """
+    return str(error) if isinstance(error, BadValueError) else "a member is missing, or of another kind"
 
 
 def pack(value: Any) -> bytes:  # noqa: ANN401 - anything plain
