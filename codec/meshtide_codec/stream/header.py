@@ -20,7 +20,7 @@ import numpy as np
 
 from meshtide_codec.errors import ContainerError, LimitError, VersionError
 from meshtide_codec.limits import Limits
-from meshtide_codec.quantize import LARGEST_B, SMALLEST_B, has_finite_points
+from meshtide_codec.quantize import LARGEST_B, SMALLEST_B, has_distinct_points, has_finite_points
 from meshtide_codec.stream import distances, packed_header, plain_values, tables
 from meshtide_codec.stream.packed_header import PlainHeader
 from meshtide_codec.stream.packets import LARGEST_LEVEL, LARGEST_SLICE, Packet, PacketKind
@@ -230,6 +230,8 @@ class StreamHeader:
         packets = _checked_packets(plain, limits)
         levels = _checked_levels(plain, len(packets), limits)
         _check_shares(levels, packets, length, limits)
+        if levels[-1].vertices > 1 and not has_distinct_points((x, y, z), extent):
+            raise plain_values.BadValueError(f"a grid of one point for {levels[-1].vertices} vertices")
         return cls(
             profile=plain_values.text(plain.profile, "profile", LONGEST_NAME),
             options=plain.options,
