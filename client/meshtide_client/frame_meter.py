@@ -16,10 +16,10 @@ _LENGTHS = {126: 2, 127: 8}
 
 
 class FrameMeter:
-    """Is fed what arrives, from the answer to the handshake on, in any pieces.
+    r"""Is fed what arrives, from the answer to the handshake on, in any pieces.
 
     >>> meter = FrameMeter()
-    >>> meter.feed(b"HTTP/1.1 101 Switching Protocols\\r\\n\\r\\n" + b"\\x89\\x04ping" + b"\\x82\\x05he")
+    >>> meter.feed(b"HTTP/1.1 101 Switching Protocols\r\n\r\n" + b"\x89\x04ping" + b"\x82\x05he")
     >>> meter.message_bytes
     2
     """

@@ -127,9 +127,9 @@ class Decoder:
 
         A preview may lie nearer to the surface than the first levels of the hierarchy, which are finer.
         """
-        distances = {row.level: row.rms for row in self.header.levels}
-        exact = [level for level in distances if self.is_exact(level)]
-        return min(exact, key=lambda level: (distances[level], level), default=self._decoder.finest)
+        ranks = {row.level: row.rank for row in self.header.levels}
+        exact = [level for level in ranks if self.is_exact(level)]
+        return min(exact, key=lambda level: (ranks[level], level), default=self._decoder.finest)
 
     def is_available(self, level: int) -> bool:
         """Whether the level can be shown now."""

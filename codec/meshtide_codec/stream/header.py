@@ -8,6 +8,7 @@ msgpack map from small integers (`Field`) to values.
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from dataclasses import dataclass
@@ -83,6 +84,15 @@ class LevelEntry:
     faces: int
     rms: float
     maximum: float
+
+    @property
+    def rank(self) -> float:
+        """By which states are compared, the better the less: their RMS distance, as far as it says anything.
+
+        Only level 0 is the finest mesh; another state that says it is as near tells nothing that would make a later
+        one worse.
+        """
+        return math.inf if self.level and self.rms == 0.0 else self.rms
 
 
 @dataclass(frozen=True, slots=True)
