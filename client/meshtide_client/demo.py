@@ -149,8 +149,8 @@ def _fetch(
                 str(level.size),
                 str(level.vertices),
                 str(level.faces),
-                f"{level.rms:.4%}" if level.rms else "exact",
-                f"{level.maximum:.4%}" if level.maximum else "exact",
+                f"{level.rms:.4%}" if level.rms or level.level else "exact",
+                f"{level.maximum:.4%}" if level.maximum or level.level else "exact",
                 f"{level.seconds:.2f}",
             )
             captioned.append((f"level {level.level}: {level.size} bytes, {level.vertices} vertices", level.mesh))

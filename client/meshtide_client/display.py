@@ -72,7 +72,7 @@ def result_line(result: FetchResult, output: Path) -> str:
     """What was fetched, in one line."""
     figures = result.figures
     exact = "" if figures.exact else ", predicted only" if result.link_report is None else ", not exact"
-    coarse = f", rms error {figures.rms:.2e}" if figures.rms > 0 else ""
+    coarse = f", rms error {figures.rms:.2e}" if figures.rms > 0 or (figures.level and figures.rms == 0) else ""
     resumed = "" if result.received_bytes >= _payload(result) else f" ({result.received_bytes} of them fetched now)"
     line = (
         f"{shown(output)}: level {figures.level}{exact}{coarse}, {figures.vertices} vertices, {figures.faces} faces; "

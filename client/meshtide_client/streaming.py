@@ -228,7 +228,8 @@ class Reception:
         """The levels that `packet`, the next one, completes, if they show the mesh better than those before.
 
         A preview may lie nearer to the surface than the first levels of the hierarchy that follow it. The finest
-        level, and one that was asked for by its number, always count.
+        level, and one that was asked for by its number, always count; no claim of another one to be as good as the
+        finest puts those behind it aside.
         """
         assert self._decoder is not None  # noqa: S101 - the header comes first
         decoder = self._decoder
@@ -238,7 +239,7 @@ class Reception:
         for row in decoder.header.levels:
             if row.packet_count == self._decoded and (row.rms < self._nearest or row.level in {0, self._until.level}):
                 completed.append(row)
-                self._nearest = min(self._nearest, row.rms)
+                self._nearest = min(self._nearest, row.rank)
         return [self._received_level(decoder, row) for row in completed]
 
     def _received_level(self, decoder: Decoder, row: LevelEntry) -> ReceivedLevel:

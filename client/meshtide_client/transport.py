@@ -19,6 +19,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from meshtide_client.credentials import authorization, find_token
+from meshtide_client.frame_meter import FrameMeter
 from meshtide_client.handshake import handshake_problem
 from meshtide_client.tls import tls_context
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, StreamError, TransferError
@@ -33,9 +34,8 @@ if TYPE_CHECKING:
     from meshtide_codec.stream.session import ClientSession, Event
 
 _PING_SECONDS = 20.0
-_PONG_BYTES = 512
-_CONTROL_BYTES = 1 << 16
-"""Bytes beside those of a message that may come before its end: pings, frames of fragments."""
+_SLOWEST = 512
+"""Bytes of a message that have to come in each time limit after the first one: a trickle is no news."""
 _CLOSE_SECONDS = 2.0
 _BREACH_CODES = frozenset({1002, 1007, 1009})
 """Close codes with which this side ends a connection whose frames are malformed or too large."""
@@ -49,7 +49,7 @@ class Link:
     """How a client treats its connection.
 
     Args:
-        timeout: seconds without any news after which the connection is taken for lost, and for opening it.
+        timeout: seconds without any part of a message after which the connection is taken for lost, and for opening it.
         retries: how often a lost connection is opened again before giving up; packets that arrive reset the count.
         delay: seconds before the first retry; each further one waits twice as long.
         longest_delay: bound of that.
@@ -86,13 +86,20 @@ class Link:
 
 
 class Connection(ClientConnection):
-    """A connection that counts bytes as they come, also those of a frame that is not whole yet."""
+    """A connection that counts the bytes of messages as they come, also those of a frame that is not whole yet."""
 
-    heard_bytes = 0
+    def __init__(self, *arguments: Any, **named: Any) -> None:  # noqa: ANN401 - the library's
+        super().__init__(*arguments, **named)
+        self._meter = FrameMeter()
+
+    @property
+    def heard_bytes(self) -> int:
+        """Bytes of messages that have come; pings and the like are none."""
+        return self._meter.message_bytes
 
     def data_received(self, data: bytes) -> None:
         """Called by the event loop."""
-        self.heard_bytes += len(data)
+        self._meter.feed(data)
         super().data_received(data)
 
 
@@ -223,16 +230,16 @@ class _Intake:
         return events
 
     async def _frame(self) -> bytes | str:
-        """The next frame; it may take its time as long as more than answers to pings keeps coming, and not too much."""
+        """The next message; it may take its time as long as more of it keeps coming, and not too slowly."""
         frame = asyncio.create_task(self._connection.recv())  # asked for once: fragments outlive no second asking
         begun = heard = self._connection.heard_bytes
+        due = 0
         try:
             while not (await asyncio.wait([frame], timeout=self._link.timeout))[0]:
                 before, heard = heard, self._connection.heard_bytes
-                if heard - before <= _PONG_BYTES:
+                if heard == before or heard - begun < due:
                     raise TransferError(f"nothing came from {self._address.server} for {self._link.timeout:g} seconds")
-                if heard - begun > LARGEST_MESSAGE + _CONTROL_BYTES:
-                    raise TransferError(f"{self._address.server} sends bytes, but no message")
+                due += _SLOWEST
             return frame.result()
         except ConnectionClosed as error:
             raise _closed(error, self._address) from error

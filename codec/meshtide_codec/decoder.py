@@ -127,9 +127,9 @@ class Decoder:
 
         A preview may lie nearer to the surface than the first levels of the hierarchy, which are finer.
         """
-        distances = {row.level: row.rms for row in self.header.levels}
-        exact = [level for level in distances if self.is_exact(level)]
-        return min(exact, key=lambda level: (distances[level], level), default=self._decoder.finest)
+        ranks = {row.level: row.rank for row in self.header.levels}
+        exact = [level for level in ranks if self.is_exact(level)]
+        return min(exact, key=lambda level: (ranks[level], level), default=self._decoder.finest)
 
     def is_available(self, level: int) -> bool:
         """Whether the level can be shown now."""
@@ -146,14 +146,21 @@ class Decoder:
             KeyError: the level is not available.
             PacketError: its packets make positions that are not finite.
         """
+        drawn = self.drawn_positions(level)
+        with np.errstate(over="ignore", invalid="ignore"):
+            vertices = dequantize(drawn, self.header.bits, np.asarray(self.header.origin), self.header.extent)
+        return Mesh(_finite(vertices, level), self._decoder.faces(level).astype(np.int64))
+
+    def drawn_positions(self, level: int) -> NDArray[np.float64]:
+        """The vertices of the same mesh, (n, 3) in finest steps.
+
+        Raises:
+            KeyError, PacketError: as for `mesh`.
+        """
         if not self.is_available(level):
             raise KeyError(f"level {level} is not available yet")
         with np.errstate(over="ignore", invalid="ignore"):
-            geometry = self._decoder.geometry(level)
-            vertices = dequantize(geometry, self.header.bits, np.asarray(self.header.origin), self.header.extent)
-        if not np.isfinite(vertices).all():
-            raise PacketError("its positions are not finite; the stream is damaged", level=level)
-        return Mesh(vertices, self._decoder.faces(level).astype(np.int64))
+            return _finite(self._decoder.geometry(level), level)
 
     def _perturbed(self, level: int, part: int, differences: NDArray[np.float64]) -> NDArray[np.float64]:
         """What `perturb` makes of the Diffs of a packet, and a note that the level is no longer as it was sent."""
@@ -166,6 +173,12 @@ class Decoder:
         if not np.array_equal(changed, differences):
             self._perturbed_levels.add(level)
         return np.clip(changed, -LARGEST_DIFF, LARGEST_DIFF)
+
+
+def _finite(positions: NDArray[np.float64], level: int) -> NDArray[np.float64]:
+    if not np.isfinite(positions).all():
+        raise PacketError("its positions are not finite; the stream is damaged", level=level)
+    return positions
 
 
 def decode(data: bytes | memoryview, level: int = 0, limits: Limits | None = None) -> Mesh:

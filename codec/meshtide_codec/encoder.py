@@ -21,6 +21,8 @@ from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from numpy.typing import NDArray
+
     from meshtide_codec.grid import Grid
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.shown_state import ShownState
@@ -106,8 +108,7 @@ def describe(
 ) -> EncodedMesh:
     """The stream of an encoding: its packets and the header that announces them, all distances measured."""
     table, packet_bytes = packet_table(encoding.packets)
-    original = quantized.positions.astype(np.float64)
-    meter = DistortionMeter(original, quantized.faces, samples=DISTANCE_SAMPLES, vertex_limit=DISTANCE_VERTICES)
+    meter = distance_meter(quantized.positions.astype(np.float64), quantized.faces)
     levels = []
     for done, state in enumerate(encoding.states):
         if progress is not None:
@@ -126,6 +127,19 @@ def describe(
         packets=table,
     )
     return EncodedMesh(header, encoding.packets, packet_bytes, quantized)
+
+
+def distance_meter(positions: NDArray[np.float64], faces: NDArray[np.int32]) -> DistortionMeter:
+    """What the distances of a stream's states are measured with.
+
+    Args:
+        positions: (n, 3) of the finest mesh, in finest steps.
+        faces: (m, 3) its faces.
+
+    Raises:
+        MeshError: the arrays are not a mesh.
+    """
+    return DistortionMeter(positions, faces, samples=DISTANCE_SAMPLES, vertex_limit=DISTANCE_VERTICES)
 
 
 def _distance(meter: DistortionMeter, quantized: QuantizedMesh, state: ShownState) -> tuple[float, float]:

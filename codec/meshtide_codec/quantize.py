@@ -125,6 +125,15 @@ def has_finite_points(origin: Sequence[float], extent: float) -> bool:
     return all(math.isfinite(abs(coordinate) + 1.125 * extent) for coordinate in origin)
 
 
+def has_distinct_points(origin: Sequence[float], extent: float) -> bool:
+    """Whether a grid has more than one point: a side that is nothing beside its place, or 0, makes all of them one.
+
+    >>> has_distinct_points((0.0, 0.0, 1e6), 1e-3), has_distinct_points((1e9, 1e9, -1e9), 1e-9)
+    (True, False)
+    """
+    return any(coordinate + extent != coordinate for coordinate in origin)
+
+
 def _check_inside(vertices: NDArray[np.float64], origin: NDArray[np.float64], extent: float) -> None:
     """Raise MeshError unless all vertices lie on the grid, but for rounding."""
     slack = ROUNDING * extent

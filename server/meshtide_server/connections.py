@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import asyncio
     from collections.abc import Mapping, Sequence
 
+    from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
     from websockets.http11 import Request
 
     from meshtide_server.prepared_answers import PreparedAnswer, PreparedAnswers
@@ -49,11 +50,19 @@ class HttpProtocol(HttpToolsProtocol):
         super().__init__(*arguments, **named)
         self._prepared = prepared
         self._answered = False
+        self._in_turn: RequestResponseCycle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # uvicorn's signature
         """Called by the event loop."""
         self.app_state = {**self.app_state, "transport": transport}
         super().connection_made(transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Called by the event loop; uvicorn tells only the request that came last, not the one whose turn it is."""
+        if self._in_turn is not None and not self._in_turn.response_complete:
+            self._in_turn.disconnected = True
+            self._in_turn.message_event.set()
+        super().connection_lost(exc)
 
     def answering(self) -> bool:
         """Whether an answer is being given."""
@@ -65,6 +74,8 @@ class HttpProtocol(HttpToolsProtocol):
         answer = self._ready_answer()
         if answer is None:
             super().on_headers_complete()
+            if not self.pipeline:
+                self._in_turn = self.cycle
             return
         self._answered = True
         chosen = next((value for name, value in self.headers if name == HEADER), None)
@@ -83,6 +94,12 @@ class HttpProtocol(HttpToolsProtocol):
         else:
             super().on_message_complete()
 
+    def on_response_complete(self) -> None:
+        """Called when an answer is given: the next of the requests that wait has its turn."""
+        if self.pipeline:
+            self._in_turn = self.pipeline[-1][0]
+        super().on_response_complete()
+
     def _ready_answer(self) -> PreparedAnswer | None:
         """The answer to the request that was parsed, if it is ready and its turn has come."""
         if self.answering() or self.pipeline or self.flow.write_paused or self.parser.get_method() != b"GET":
@@ -100,7 +117,13 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             self.scope["extensions"][FRAMES] = {}
 
     async def send(self, message: Any) -> None:  # noqa: ANN401 - uvicorn's
-        """Called by the application."""
+        """Called by the application.
+
+        Raises:
+            ClientDisconnected: the client has left, or is about to be; uvicorn finds so only a turn later.
+        """
+        if self.transport.is_closing():
+            raise ClientDisconnected
         frames: Sequence[bytes] | None = message.get("frames")
         if frames is None:
             await super().send(message)

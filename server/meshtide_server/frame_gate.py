@@ -60,15 +60,7 @@ class FrameGate(Gate):
 
     def door(self) -> Door:
         """The connection; what is written first is the answer to the handshake."""
-        door = super().door()
-
-        def answer(data: bytes | bytearray | memoryview) -> None:
-            door.write = self.transport.write
-            self.transport.write(data)
-            self.hold(held=False)
-
-        door.write = answer
-        return door
+        return _AnsweringDoor(self.transport, self)
 
     def cut(self, waiting: bytearray) -> int | float:
         """The next frame, or what is there of it."""
@@ -118,6 +110,21 @@ class FrameGate(Gate):
         logger.info("dropped a websocket: %s", reason)
         payload = _POLICY.to_bytes(2, "big") + reason.encode()
         self.give_up(heard=bytes((0x88, 0x80 | len(payload), 0, 0, 0, 0)) + payload)
+
+
+class _AnsweringDoor(Door):
+    """What is written first is the answer to the handshake, after which frames may pass."""
+
+    def __init__(self, transport: asyncio.Transport, gate: FrameGate) -> None:
+        super().__init__(transport, gate)
+        self._answered = False
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        """Send."""
+        super().write(data)
+        if not self._answered:
+            self._answered = True
+            self.resume_reading()
 
 
 def _head_size(waiting: bytearray) -> int:

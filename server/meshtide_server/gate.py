@@ -10,10 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, cast
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from typing import Any, cast
 
 PIECES_A_TURN = 16
 """Pieces that are handed on before others have their turn."""
@@ -28,7 +25,11 @@ class Door:
     def __init__(self, transport: asyncio.Transport, gate: Gate) -> None:
         self.outside = transport
         self._gate = gate
-        self.write: Callable[[bytes], None] = transport.write  # called for every piece that is sent
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        """Send; what is for a client that has left is dropped, for uvloop's closed transports raise an error."""
+        if not self.outside.is_closing():
+            self.outside.write(data)
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the transport has
         return getattr(self.outside, name)
@@ -174,7 +175,7 @@ class Gate(asyncio.Protocol):
         self._forget()
         if heard:
             self.inner.data_received(heard)
-        if said:
+        if said and not self.transport.is_closing():
             self.transport.write(said)
         self.linger()
 

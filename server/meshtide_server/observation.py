@@ -7,12 +7,17 @@ that names it, so that a person who reports one can be helped.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import time
+from contextlib import suppress
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
+from starlette.requests import ClientDisconnect
+
 from meshtide_server import metrics
+from meshtide_server.connections import cut
 from meshtide_server.logs import HEADER, accepted_id, bound_id
 from meshtide_server.prepared_answers import LARGEST_BODY, plain
 from meshtide_server.problems import problem_response
@@ -56,10 +61,13 @@ class Observation:
         with bound_id(identifier):
             try:
                 await self._app(scope, receive, answer.send)
-            except Exception:
-                logger.exception("a fault of the server")
-                metrics.fault("stream" if scope["type"] == "websocket" else "http")
-                await _part(scope, receive, answer, identifier)
+            except Exception as error:
+                if answer.departed or isinstance(error, ClientDisconnect):
+                    await _let_go(scope)
+                else:
+                    logger.exception("a fault of the server")
+                    metrics.fault("stream" if scope["type"] == "websocket" else "http")
+                    await _part(scope, receive, answer, identifier)
             else:
                 self._prepare(scope, answer)
             finally:
@@ -96,13 +104,15 @@ class Observation:
 class _Answer:
     """Passes on what the application says, and remembers what has to be noted."""
 
-    __slots__ = ("_before", "_header", "_send", "headers", "is_whole", "parts", "size", "started", "status")
+    __slots__ = ("_before", "_header", "_send", "departed", "headers", "is_whole", "parts", "size", "started", "status")
 
     def __init__(self, send: Send, identifier: str, before: Callable[[], None] | None) -> None:
         self._before = before
         self._send = send
         self._header = (HEADER, identifier.encode("ascii"))
         self.started = time.perf_counter()
+        self.departed = False
+        """Whether something could not be sent, for the client has left: no fault of the server."""
         self.status = 0
         self.size = 0
         self.headers: list[tuple[bytes, bytes]] = []
@@ -131,7 +141,11 @@ class _Answer:
             message["headers"] = [*self.headers, self._header]
         elif kind == "websocket.close" and not self.status:
             self.status = HTTPStatus.FORBIDDEN.value  # what a close before the acceptance becomes
-        await self._send(message)
+        try:
+            await self._send(message)
+        except OSError:
+            self.departed = True
+            raise
 
     def _remember(self, body: bytes, *, last: bool) -> None:
         if self.size > LARGEST_BODY:
@@ -141,13 +155,23 @@ class _Answer:
             self.is_whole = last
 
 
+async def _let_go(scope: Scope) -> None:
+    """End the connection of a client that has left in the middle of an answer."""
+    logger.debug("a client left before it was answered")
+    cut(scope)
+    await asyncio.sleep(0)  # the server below takes note that the connection has ended
+
+
 async def _part(scope: Scope, receive: Receive, answer: _Answer, identifier: str) -> None:
     """Tell a client whose request met a fault, as far as the answer has not begun."""
     if scope["type"] == "websocket":
-        await answer.send({"type": "websocket.close", "code": 1011, "reason": f"a fault of the server: {identifier}"})
+        with suppress(OSError):  # the client has left
+            reason = f"a fault of the server: {identifier}"
+            await answer.send({"type": "websocket.close", "code": 1011, "reason": reason})
     elif not answer.status:
         message = f"the server made a mistake; its operator finds it in the log under the request id {identifier}"
         response = problem_response(HTTPStatus.INTERNAL_SERVER_ERROR, "internal", message)
-        await response(scope, receive, answer.send)
+        with suppress(OSError):
+            await response(scope, receive, answer.send)
     else:
         raise ConnectionAbortedError(f"the answer to request {identifier} was cut off by a fault, which is logged")

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,12 @@ def test_the_line_of_a_coarse_resumed_mesh() -> None:
     line = result_line(result(figures=figures, received_bytes=10), Path("vase.ply"))
     assert "level 1, predicted only, rms error 1.25e-01" in line
     assert "300 bytes (10 of them fetched now)" in line
+
+
+def test_a_coarse_mesh_is_never_shown_as_the_whole_one() -> None:
+    """Whatever the server says of its distance."""
+    figures = replace(FIGURES, level=1, vertices=37)
+    assert "level 1, rms error 0.00e+00, 37 vertices" in result_line(result(figures=figures), Path("vase.ply"))
 
 
 def test_the_answer_for_programs_is_json() -> None:

@@ -107,6 +107,41 @@ async def test_a_level_that_is_not_there_is_told_whatever_the_header_says(
             [level async for level in stream(server.url)]
 
 
+@pytest.mark.parametrize("false", [0, 1, slice(0, -1)])
+async def test_no_claim_to_be_the_finest_mesh_puts_later_levels_aside(
+    serving: Callable[..., Any], source: Source, false: int | slice
+) -> None:
+    lying = Source()
+    levels = np.array(source.header.levels, object)
+    lied = {row.level for row in np.atleast_1d(levels[false])}
+    rows = tuple(replace(row, rms=0.0, maximum=0.0) if row.level in lied else row for row in levels)
+    lying.header = replace(source.header, levels=rows)
+    lying.header_bytes = lying.header.to_bytes()
+    async with serving(lying) as server:
+        shown = [level async for level in stream(server.url)]
+        assert server.finished_packets == list(range(len(source.header.packets)))
+    assert [level.level for level in shown] == [row.level for row in source.header.levels]
+    expected = decode(source.whole)
+    np.testing.assert_array_equal(shown[-1].mesh.vertices, expected.vertices)
+
+
+@pytest.mark.parametrize("claims", ["nearest first", "all far"])
+async def test_level_0_comes_last_whatever_the_distances(
+    serving: Callable[..., Any], source: Source, claims: str
+) -> None:
+    lying = Source()
+    rms = 1e-6 if claims == "nearest first" else 1.5
+    *coarse, finest = source.header.levels
+    rows = (*[replace(row, rms=rms, maximum=rms) for row in coarse], replace(finest, rms=1.75, maximum=1.75))
+    lying.header = replace(source.header, levels=rows)
+    lying.header_bytes = lying.header.to_bytes()
+    async with serving(lying) as server:
+        shown = [level async for level in stream(server.url)]
+        assert server.finished_packets == list(range(len(source.header.packets)))
+    assert (shown[-1].level, shown[-1].exact) == (0, True)
+    np.testing.assert_array_equal(shown[-1].mesh.vertices, decode(source.whole).vertices)
+
+
 @pytest.mark.parametrize("more", [True, False])
 async def test_whether_the_stream_goes_on_is_not_believed(
     more: bool, listening: Callable[..., Any], source: Source

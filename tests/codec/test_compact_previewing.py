@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,6 +63,19 @@ def test_previews_open_the_stream_and_show_the_mesh_better_than_its_first_levels
     assert decoder.best == rows[count - 1].level
     for packet in encoded.packets[count + 1 :]:
         decoder.push(packet)
+    assert decoder.best == 0
+
+
+def test_no_preview_that_says_it_is_the_finest_mesh_is_better_than_a_level() -> None:
+    encoded = encode(grid(64), CompactOptions(previews=(256, 32)))
+    *coarse, finest = encoded.header.levels
+    first = replace(coarse[0], rms=0.0, maximum=0.0)
+    decoder = Decoder(replace(encoded.header, levels=(first, *coarse[1:], finest)))
+    decoder.push(encoded.packets[0])
+    assert decoder.best == first.level
+    for packet in encoded.packets[1:]:
+        decoder.push(packet)
+        assert decoder.best != first.level
     assert decoder.best == 0
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import msgpack
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from meshtide_codec.errors import ContainerError, LimitError, StreamError, VersionError
 from meshtide_codec.limits import Limits
-from meshtide_codec.stream.header import FORMAT_VERSION, Field, StreamHeader, check_version, version_of
+from meshtide_codec.stream.header import FORMAT_VERSION, Field, LevelEntry, StreamHeader, check_version, version_of
 from streams import MadeUpStream, encoded_grid
 
 HEADER = MadeUpStream().header
@@ -211,3 +212,22 @@ def test_the_version_of_headers_and_of_other_bytes() -> None:
         assert version_of(foreign) == FORMAT_VERSION
         with pytest.raises(ContainerError, match="first byte"):
             StreamHeader.from_bytes(foreign)
+
+
+@pytest.mark.parametrize("version", [1, 2, 3])
+@pytest.mark.parametrize(("origin", "extent"), [((0.0, 0.0, 0.0), 0.0), ((1e9, -1e9, 1e9), 1e-9)])
+def test_a_grid_of_one_point_is_for_one_vertex(version: int, origin: tuple[float, float, float], extent: float) -> None:
+    header = replace(SPELT_OUT, version=version, origin=origin, extent=extent)
+    with pytest.raises(ContainerError, match="a grid of one point for"):
+        StreamHeader.from_bytes(header.to_bytes())
+    for point in (replace(header, levels=(LevelEntry(0, 1, 1, 0, 0.0, 0.0),)), replace(header, extent=1e-3)):
+        assert StreamHeader.from_bytes(point.to_bytes()) == point
+
+
+def test_only_level_0_ranks_as_the_finest_mesh() -> None:
+    assert [LevelEntry(level, 1, 1, 0, rms, rms).rank for level, rms in [(0, 0.0), (0, 0.5), (3, 0.0), (3, 0.5)]] == [
+        0.0,
+        0.5,
+        math.inf,
+        0.5,
+    ]

@@ -7,7 +7,7 @@ from typing import Any
 
 
 class FakeTransport:
-    """Notes what is done to it.
+    """Notes what is done to it; like uvloop's it raises when it is written to after its end.
 
     Args:
         protocol: that it belongs to.
@@ -22,9 +22,13 @@ class FakeTransport:
         self.aborted = False
 
     def write(self, data: bytes) -> None:
+        if self.is_closing():
+            raise RuntimeError("unable to perform operation on <TCPTransport closed=True>; the handler is closed")
         self.written += data
 
     def write_eof(self) -> None:
+        if self.is_closing():
+            raise RuntimeError("Cannot call write_eof() after close()")
         self.ended = True
 
     def pause_reading(self) -> None:
@@ -44,6 +48,9 @@ class FakeTransport:
 
     def abort(self) -> None:
         self.aborted = True
+
+    def get_extra_info(self, _name: str) -> None:
+        return None
 
     def set_protocol(self, protocol: asyncio.BaseProtocol) -> None:
         self.protocol = protocol

@@ -1,8 +1,10 @@
 import asyncio
 import logging
 import socket
+import struct
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,18 +14,24 @@ import pytest
 from fastapi import Request, WebSocket
 from hypothesis import given
 from hypothesis import strategies as st
+from starlette.responses import StreamingResponse
 from starlette.websockets import WebSocketDisconnect
+from uvicorn.protocols.utils import ClientDisconnected
+from uvicorn.server import ServerState
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import Frame, Opcode
 from websockets.sync.client import connect
 
 from meshtide_codec.stream.session import ClientSession
 from meshtide_server import routes
-from meshtide_server.connections import cut, frame_head
+from meshtide_server.app import create_app
+from meshtide_server.connections import WebSocketProtocol, cut, frame_head
 from meshtide_server.prepared_answers import SECONDS
+from meshtide_server.serving import configuration
 from meshtide_server.settings import Settings
 
 from .conftest import LiveServer, make_stream
+from .connection_parts import FakeTransport
 
 
 def test_without_a_connection_nothing_is_cut() -> None:
@@ -231,3 +239,40 @@ def test_requests_in_one_piece_are_answered_in_their_order(
     assert positions == sorted(positions)
     assert positions[0] >= 0
     assert answer.endswith(whole[0])
+
+
+def test_an_answer_ends_with_its_client_though_others_wait_behind_it(folder: Path, serve: Any) -> None:
+    """uvicorn tells only the last of the requests that came in one piece that the connection is lost."""
+    live: LiveServer = serve(Settings(directory=folder, rescan_seconds=0))
+    made, ended = [], threading.Event()
+
+    async def pieces() -> AsyncIterator[bytes]:
+        try:
+            for _ in range(100_000):
+                made.append(1)
+                await asyncio.sleep(0)
+                yield bytes(10_000)
+        finally:
+            ended.set()
+
+    live.app.add_api_route("/long", lambda: StreamingResponse(pieces()))
+    host, port = live.url.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port))) as client:
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        client.sendall(b"GET /long HTTP/1.1\r\nHost: h\r\n\r\n" * 3)
+        client.recv(100)
+    assert ended.wait(10)
+    assert len(made) < 10_000
+    assert httpx.get(f"{live.url}/healthz").status_code == 200
+
+
+async def test_over_a_websocket_that_is_closing_nothing_is_sent(folder: Path) -> None:
+    config = configuration(create_app(Settings(directory=folder)), Settings(directory=folder))
+    protocol = WebSocketProtocol(config=config, server_state=ServerState(), app_state={})
+    transport = FakeTransport()
+    protocol.connection_made(transport)  # type: ignore[arg-type]
+    transport.abort()
+    for message in ({"type": "websocket.accept"}, {"type": "websocket.send", "frames": [b"x"]}):
+        with pytest.raises(ClientDisconnected):
+            await protocol.send(message)
+    assert not transport.written

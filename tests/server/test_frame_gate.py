@@ -71,6 +71,18 @@ async def test_frames_that_come_before_the_handshake_is_answered_wait() -> None:
     assert (bytes(transport.written), transport.reading) == (b"101more", True)
 
 
+async def test_the_answer_to_a_client_that_has_left_is_dropped() -> None:
+    inner = Notes()
+    gate = FrameGate(inner, frames=100, control_frames=5)
+    transport = connected(gate)
+    gate.data_received(HANDSHAKE + frame(BINARY, b"early"))
+    transport.abort()
+    inner.transport.write(b"101")
+    gate.connection_lost(None)
+    await turns(3)
+    assert (transport.written, inner.pieces, inner.lost) == (b"", [HANDSHAKE], True)
+
+
 async def test_a_flood_of_tiny_frames_is_worked_off_in_turns_and_not_read_meanwhile() -> None:
     gate, inner, transport, clock = made(frames=100)
     gate.data_received(frame(BINARY) * 40_000)

@@ -93,3 +93,17 @@ async def test_a_lost_connection_leaves_nothing() -> None:
     assert inner.lost
     assert len(inner.pieces) == PIECES_A_TURN
     assert gate.waiting == 0
+
+
+async def test_what_is_for_a_client_that_has_left_is_dropped() -> None:
+    """The transports of uvloop raise an error when they are closed and written to."""
+    inner = Notes()
+    gate = Lines(inner)
+    transport = connected(gate)
+    inner.transport.write(b"heard")
+    transport.abort()
+    inner.transport.write(b"not heard")
+    inner.transport.close()
+    gate.give_up(said=b"no more")
+    assert transport.written == b"heard"
+    assert not transport.ended

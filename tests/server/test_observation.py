@@ -5,7 +5,9 @@ from typing import Any
 
 import httpx
 import pytest
+from starlette.requests import Request
 from starlette.websockets import WebSocket
+from uvicorn.protocols.utils import ClientDisconnected
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -118,3 +120,57 @@ async def test_an_answer_that_was_cut_off_is_not_taken_for_a_whole_one() -> None
             None,  # type: ignore[arg-type]
             send,
         )
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+@pytest.mark.parametrize("error", [ClientDisconnected(), ConnectionResetError(104, "reset"), BrokenPipeError()])
+async def test_who_leaves_before_all_is_sent_is_no_fault(
+    kind: str, error: OSError, caplog: pytest.LogCaptureFixture
+) -> None:
+    part = "stream" if kind == "websocket" else kind
+    before = metrics.REGISTRY.get_sample_value("meshtide_errors_total", {"part": part})
+    cuts = []
+
+    async def answering(_scope: Any, _receive: Any, send: Any) -> None:
+        try:
+            await send({"type": f"{kind}.response.start", "status": 200, "headers": []})
+        except OSError as reason:
+            raise RuntimeError("a framework may wrap it") from reason
+
+    async def send(_message: Any) -> None:
+        raise error
+
+    class Transport:
+        def abort(self) -> None:
+            cuts.append(1)
+
+    scope = {"type": kind, "headers": [], "path": "/", "state": {"transport": Transport()}}
+    await Observation(answering, PreparedAnswers())(scope, None, send)  # type: ignore[arg-type]
+    assert cuts == [1]
+    assert not caplog.records
+    assert metrics.REGISTRY.get_sample_value("meshtide_errors_total", {"part": part}) == before
+
+
+async def test_who_leaves_before_all_is_asked_is_no_fault(caplog: pytest.LogCaptureFixture) -> None:
+    async def reading(scope: Any, receive: Any, _send: Any) -> None:
+        await Request(scope, receive).body()
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "http.disconnect"}
+
+    scope = {"type": "http", "method": "POST", "headers": [], "path": "/"}
+    await Observation(reading, PreparedAnswers())(scope, receive, None)  # type: ignore[arg-type]
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+async def test_a_fault_is_one_though_nobody_is_there_to_hear_of_it(kind: str, caplog: pytest.LogCaptureFixture) -> None:
+    async def failing(_scope: Any, _receive: Any, _send: Any) -> None:
+        raise ZeroDivisionError
+
+    async def send(_message: Any) -> None:
+        raise ClientDisconnected
+
+    scope = {"type": kind, "method": "GET", "headers": [], "path": "/"}
+    await Observation(failing, PreparedAnswers())(scope, None, send)  # type: ignore[arg-type]
+    assert [record.message for record in caplog.records] == ["a fault of the server"]

@@ -8,10 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
+from meshtide_codec.encoder import Options, encode
 from meshtide_codec.errors import LimitError, MeshtideError
+from meshtide_codec.grid import Grid
 from meshtide_codec.limits import Limits
+from meshtide_codec.mesh import Mesh
 from meshtide_codec.stream.container import read_container, write_container
+from meshtide_codec.stream.distances import stored_distances
 from meshtide_codec.stream.header import LevelEntry, StreamHeader
 from meshtide_server.stream_check import STAGE, check_stream
 
@@ -26,9 +32,7 @@ def quiet(_stage: str, _fraction: float) -> None:
     pass
 
 
-@pytest.mark.parametrize(
-    "path", sorted(GOLDEN.rglob("*.tide"))[::6], ids=lambda path: f"{path.parent.name}/{path.stem}"
-)
+@pytest.mark.parametrize("path", sorted(GOLDEN.rglob("*.tide")), ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_what_this_program_writes_and_ever_wrote_is_what_it_says(path: Path) -> None:
     told: list[float] = []
     mesh = check_stream(path.read_bytes(), Limits(), lambda stage, fraction: told.append(fraction * (stage == STAGE)))
@@ -53,6 +57,41 @@ def row(place: int, **changes: float) -> Change:
     return change
 
 
+def claim(place: int, rms: float, maximum: float) -> Change:
+    def change(header: StreamHeader) -> StreamHeader:
+        levels = list(header.levels)
+        levels[place] = replace(levels[place], rms=rms, maximum=maximum)
+        return replace(header, levels=tuple(levels))
+
+    return change
+
+
+def flat() -> Mesh:
+    """A plane, whose coarser levels are the same surface."""
+    u, v = np.meshgrid(np.arange(20), np.arange(20), indexing="ij")
+    corner = (u * 20 + v)[:-1, :-1].reshape(-1)
+    faces = [[corner, corner + 20, corner + 1], [corner + 1, corner + 20, corner + 21]]
+    vertices = np.stack([u, v, 0 * u], axis=-1).reshape(-1, 3)
+    return Mesh.checked(vertices, np.concatenate([np.stack(part, axis=1) for part in faces]))
+
+
+def single_vertex() -> Mesh:
+    """A point."""
+    return Mesh.checked([[3, 4, 5]], np.zeros((0, 3), np.int64))
+
+
+def far_vertex() -> Mesh:
+    """A vertex far from all others, which no face has."""
+    plane = flat()
+    return Mesh.checked(np.concatenate([plane.vertices, [[0, 0, 1000]]]), plane.faces)
+
+
+def points() -> Mesh:
+    """A cloud of points."""
+    place = np.arange(200)
+    return Mesh.checked(np.stack([place * 37 % 61, place * 23 % 59, place], axis=1), np.zeros((0, 3), np.int64))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -72,6 +111,64 @@ def test_claims_that_do_not_hold_are_refused(change: Change, words: str | None) 
     check_stream(changed(lambda header: header), Limits(), quiet)
     with pytest.raises(MeshtideError, match=words), np.errstate(over="ignore", invalid="ignore"):
         check_stream(changed(change), Limits(), quiet)
+
+
+COARSE = range(len(read_container(MANY_STATES)[0].levels) - 1)
+
+
+@pytest.mark.parametrize("place", COARSE)
+@pytest.mark.parametrize(
+    ("rms", "maximum"),
+    [(0.0, 0.0), (1e-6, 1e-6), (0.9, 1.0), (1.0, 1.5)],
+    ids=["the finest mesh", "almost the finest mesh", "far away", "farther away"],
+)
+def test_false_distances_are_refused(place: int, rms: float, maximum: float) -> None:
+    """Clients that look for a bound on the error would stop too early, or show a worse state, or none."""
+    with pytest.raises(MeshtideError, match="from the finest mesh"):
+        check_stream(changed(claim(place, rms, maximum)), Limits(), quiet)
+
+
+@pytest.mark.parametrize("place", COARSE)
+@pytest.mark.parametrize("factor", [0.7, 1.4])
+def test_distances_that_are_a_little_false_are_refused(place: int, factor: float) -> None:
+    row = read_container(MANY_STATES)[0].levels[place]
+    with pytest.raises(MeshtideError, match="a mean distance from the finest mesh"):
+        check_stream(changed(claim(place, row.rms * factor, row.maximum)), Limits(), quiet)
+    with pytest.raises(MeshtideError, match="distance from the finest mesh"):
+        check_stream(changed(claim(place, row.rms, row.rms if factor < 1 else 2 * row.maximum)), Limits(), quiet)
+
+
+@pytest.mark.parametrize("place", COARSE)
+@pytest.mark.parametrize("factor", [0.97, 1.03])
+def test_what_other_samples_may_tell_is_believed(place: int, factor: float) -> None:
+    row = read_container(MANY_STATES)[0].levels[place]
+    check_stream(changed(claim(place, *stored_distances(row.rms * factor, row.maximum))), Limits(), quiet)
+
+
+def test_a_preview_as_near_as_the_mesh_itself_is_refused_in_every_version() -> None:
+    for version in (1, 2, 3):
+        data = (GOLDEN / f"version-{version}" / "compact-dome-previews.tide").read_bytes()
+        with pytest.raises(MeshtideError, match="a mean distance from the finest mesh of 0 of"):
+            check_stream(changed(claim(0, 0.0, 0.0), data), Limits(), quiet)
+
+
+@pytest.mark.parametrize("options", [CompactOptions(), CompactOptions(effort="high"), ClassicOptions()])
+@pytest.mark.parametrize("make", [flat, single_vertex, far_vertex, points], ids=lambda make: make.__name__)
+def test_what_the_encoder_writes_of_odd_meshes_is_believed(make: Callable[[], Mesh], options: Options) -> None:
+    check_stream(encode(make(), options).to_bytes(), Limits(), quiet)
+
+
+def test_of_a_mesh_much_smaller_than_its_grid_the_encoder_is_believed() -> None:
+    """Coarse levels are drawn farther away than distances can be stored."""
+    mesh = Mesh.checked([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2], [1, 2, 3]])
+    encoded = encode(mesh, grid=Grid(origin=(-1e3, -1e3, -1e3), extent=1e5))
+    check_stream(encoded.to_bytes(), Limits(), quiet)
+
+
+@pytest.mark.parametrize(("origin", "extent"), [((0.0, 0.0, 0.0), 0.0), ((1e9, -1e9, 1e9), 1e-9)])
+def test_vertices_that_are_all_one_point_are_refused(origin: tuple[float, float, float], extent: float) -> None:
+    with pytest.raises(MeshtideError, match="a grid of one point for 2116 vertices"):
+        check_stream(changed(lambda header: replace(header, origin=origin, extent=extent)), Limits(), quiet)
 
 
 def test_a_maximum_below_the_mean_is_refused() -> None:

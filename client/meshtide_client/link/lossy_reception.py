@@ -81,7 +81,7 @@ class LossyReception(Reception):
             wanted = not exact or row.rms < self._nearest or row.level in {0, self._until.level}
             if decoder.is_available(row.level) and wanted:
                 completed.append(row)
-                self._nearest = min(self._nearest, row.rms if exact else math.inf)
+                self._nearest = min(self._nearest, row.rank if exact else math.inf)
         return [self._received_level(decoder, row) for row in completed]
 
     def _received_level(self, decoder: Decoder, row: LevelEntry) -> ReceivedLevel:

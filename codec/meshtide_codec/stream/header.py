@@ -8,6 +8,7 @@ msgpack map from small integers (`Field`) to values.
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ import numpy as np
 
 from meshtide_codec.errors import ContainerError, LimitError, VersionError
 from meshtide_codec.limits import Limits
-from meshtide_codec.quantize import LARGEST_B, SMALLEST_B, has_finite_points
+from meshtide_codec.quantize import LARGEST_B, SMALLEST_B, has_distinct_points, has_finite_points
 from meshtide_codec.stream import distances, packed_header, plain_values, tables
 from meshtide_codec.stream.packed_header import PlainHeader
 from meshtide_codec.stream.packets import LARGEST_LEVEL, LARGEST_SLICE, Packet, PacketKind
@@ -83,6 +84,15 @@ class LevelEntry:
     faces: int
     rms: float
     maximum: float
+
+    @property
+    def rank(self) -> float:
+        """By which states are compared, the better the less: their RMS distance, as far as it says anything.
+
+        Only level 0 is the finest mesh; another state that says it is as near tells nothing that would make a later
+        one worse.
+        """
+        return math.inf if self.level and self.rms == 0.0 else self.rms
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +240,8 @@ class StreamHeader:
         packets = _checked_packets(plain, limits)
         levels = _checked_levels(plain, len(packets), limits)
         _check_shares(levels, packets, length, limits)
+        if levels[-1].vertices > 1 and not has_distinct_points((x, y, z), extent):
+            raise plain_values.BadValueError(f"a grid of one point for {levels[-1].vertices} vertices")
         return cls(
             profile=plain_values.text(plain.profile, "profile", LONGEST_NAME),
             options=plain.options,
