@@ -119,6 +119,18 @@ class JsonFormatter(logging.Formatter):
         return json.dumps(entry, default=str)
 
 
+class PeerFilter(logging.Filter):
+    """Makes a line of what uvicorn logs as an error with a traceback and is a client's doing: text that is no UTF-8."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Let the record pass, as what it is."""
+        if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+            record.levelno, record.levelname = logging.INFO, logging.getLevelName(logging.INFO)
+            record.msg, record.args = "a client broke the protocol: a text frame that is no UTF-8", ()
+            record.exc_info = record.exc_text = None
+        return True
+
+
 def set_up_log(level: str, form: LogFormat = "text") -> None:
     """Send the log to standard error.
 
@@ -136,3 +148,7 @@ def set_up_log(level: str, form: LogFormat = "text") -> None:
     root.setLevel(level.upper())
     for name in _LIBRARIES:
         logging.getLogger(name).setLevel(logging.INFO if level == "debug" else logging.WARNING)
+    peers = logging.getLogger("uvicorn.error")
+    for old_filter in [each for each in peers.filters if isinstance(each, PeerFilter)]:
+        peers.removeFilter(old_filter)
+    peers.addFilter(PeerFilter())

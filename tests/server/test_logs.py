@@ -121,3 +121,22 @@ def test_what_others_say_is_one_line_and_steers_no_terminal(
     assert "all is lost" in entries[0]
     assert "Traceback" in written
     assert "ValueError" in written
+
+
+def test_what_a_client_did_is_neither_an_error_nor_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    set_up_log("info")
+    try:
+        try:
+            b"\xd3\xff".decode()
+        except UnicodeDecodeError:
+            logging.getLogger("uvicorn.error").exception("Invalid UTF-8 sequence received from client.")
+        try:
+            raise KeyError("a fault of ours")
+        except KeyError:
+            logging.getLogger("uvicorn.error").exception("Exception in ASGI application")
+    finally:
+        logging.getLogger().handlers.clear()
+    client, fault = capsys.readouterr().err.split("\n", 1)
+    assert client.endswith("INFO a client broke the protocol: a text frame that is no UTF-8")
+    assert "ERROR Exception in ASGI application" in fault
+    assert "KeyError" in fault
