@@ -27,7 +27,7 @@ lint: $(VENV)/test.done ## Linter, formatter and type checker.
 	$(BIN)/mypy
 
 test: lint ## Linters, types and all tests.
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist loadfile
 
 fuzz: $(VENV)/test.done ## Damaged files, streams, requests and messages, FUZZ_SECONDS of each.
 	$(BIN)/python tests/bench/fuzz_mesh_files.py --seconds $(FUZZ_SECONDS)
