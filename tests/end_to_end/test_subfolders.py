@@ -69,7 +69,7 @@ def test_meshes_of_subfolders_are_listed_found_streamed_and_exported(meshtide: A
     site = meshtide.folder / "site" / "meshes"
     assert {mesh: (site / f"{mesh}.tide").read_bytes() for mesh in streams} == streams
     assert [row["id"] for row in json.loads((site / "index.json").read_bytes())] == sorted(streams)
-    again = meshtide("export", str(tmp_path / "meshes" / "vase.tide"), "--static", "site", "--json")
+    again = meshtide("export", str(tmp_path / "meshes" / "vase.tide"), "--static", "site", "--overwrite", "--json")
     assert again.returncode == ExitCode.OK, again.stderr
     assert [row["id"] for row in json.loads((site / "index.json").read_bytes())] == sorted(streams)
     with serving(tmp_path / "meshes") as url:
