@@ -62,7 +62,10 @@ def test_a_text_is_read_in_each_encoding(suffix: str, encoding: str, end: str) -
 @pytest.mark.parametrize("suffix", TEXTS)
 @given(place=st.floats(0, 1), code=st.integers(0, 31), instead=st.booleans())
 def test_a_control_byte_in_a_number_or_statement_is_refused(
-    suffix: str, place: float, code: int, instead: bool  # noqa: FBT001 - given by hypothesis
+    suffix: str,
+    place: float,
+    code: int,
+    instead: bool,  # noqa: FBT001 - given by hypothesis
 ) -> None:
     text = TEXTS[suffix]
     at = int(place * (text.rindex("endfacet") if suffix == ".stl" else len(text) - 2))

@@ -35,9 +35,7 @@ _ZEROS = {
 _LOOKED_AT = 1 << 12
 _FIRST_BLANK, _LAST_BREAK, _FIRST_VISIBLE = 9, 13, 32
 _OLD_END = re.compile(rb"\x1a[\x1a\0]*\Z")
-_UNSEEN = bytes(
-    i if i >= _FIRST_VISIBLE or _FIRST_BLANK <= i <= _LAST_BREAK else ord("?") for i in range(256)
-)
+_UNSEEN = bytes(i if i >= _FIRST_VISIBLE or _FIRST_BLANK <= i <= _LAST_BREAK else ord("?") for i in range(256))
 CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 """A byte that no text has."""
 
@@ -91,7 +89,9 @@ def plain_text(data: bytes) -> bytes:
 
 def has_control(text: NDArray[np.uint8]) -> bool:
     """Whether a control byte stands in a text; at some gigabytes a second."""
-    return bool((text < _FIRST_BLANK).any()) or bool((text - np.uint8(_LAST_BREAK + 1) < _FIRST_VISIBLE - _LAST_BREAK - 1).any())
+    return bool((text < _FIRST_BLANK).any()) or bool(
+        (text - np.uint8(_LAST_BREAK + 1) < _FIRST_VISIBLE - _LAST_BREAK - 1).any()
+    )
 
 
 def without_control(text: bytes) -> bytes:

@@ -113,8 +113,7 @@ def _mesh(rows: OffRows, keyword: OffKeyword) -> tuple[Mesh, list[str]]:
         texture = np.ascontiguousarray(table[:, place : place + 2])
         attributes.append(Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.VERTEX, texture))
     cut = triangulated(points, rows.counts, rows.corners)
-    if cut.degenerate:
-        notes.append(f"{cut.degenerate} faces have fewer than three different corners: left out")
+    notes += cut.notes()
     attributes += _face_colors(rows, cut.polygon, notes)
     return Mesh(points, rows.corners[cut.corners], tuple(attributes), polygons=cut.inner), notes
 
