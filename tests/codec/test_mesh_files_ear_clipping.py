@@ -164,10 +164,11 @@ def test_work_is_bounded() -> None:
 def test_readers_tell_of_polygons_that_cross_themselves(suffix: str) -> None:
     rows = "".join(f"{x} {y} {z}\n" for x, y, z in BOW_TIE.tolist())
     header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
     texts = {
         ".obj": "v " + rows.strip().replace("\n", "\nv ") + "\nf 1 2 3 4\nf 4 3 2 1\n",
         ".off": f"OFF\n4 2 0\n{rows}4 0 1 2 3\n4 3 2 1 0\n",
-        ".ply": f"{header}element face 2\nproperty list uchar int vertex_indices\nend_header\n{rows}4 0 1 2 3\n4 3 2 1 0\n",
+        ".ply": f"{header}{rows}4 0 1 2 3\n4 3 2 1 0\n",
     }
     source = Source("a", suffix, texts[suffix].encode())
     read_source(source, FileLimits())

@@ -65,7 +65,7 @@ def test_a_control_byte_in_a_number_or_statement_is_refused(
     suffix: str,
     place: float,
     code: int,
-    instead: bool,  # noqa: FBT001 - given by hypothesis
+    instead: bool,
 ) -> None:
     text = TEXTS[suffix]
     at = int(place * (text.rindex("endfacet") if suffix == ".stl" else len(text) - 2))

@@ -3,8 +3,8 @@
 An ear is a corner that turns left and whose triangle holds no other corner; every polygon that does not cross itself
 has two (G. Meisters, "Polygons have ears", 1975). On which side of a line a corner lies is known exactly: by floats
 where the product is larger than what rounding may do to it, else by whole numbers (J. Shewchuk, "Adaptive precision
-floating-point arithmetic and fast robust geometric predicates", 1997, for the bound). Corners in one place, as a slit to
-a hole has them, are told apart by where the outline goes on from there. Cost: O(n^2), bounded by `Work`.
+floating-point arithmetic and fast robust geometric predicates", 1997, for the bound). Corners in one place, as a slit
+to a hole has them, are told apart by where the outline goes on from there. Cost: O(n^2), bounded by `Work`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Work:
         crossed: polygons that cross themselves, so that their triangles overlap.
     """
 
-    left: int = 1 << 31
+    left: int = 1 << 29
     crossed: int = 0
 
 
@@ -138,7 +138,7 @@ class _Clipping:
         x, y = self._points[others, 0], self._points[others, 1]
         left, right = (bx - ax) * (y - ay), (by - ay) * (x - ax)
         product = left - right
-        sides = np.sign(product).astype(np.int64)
+        sides: NDArray[np.int64] = np.sign(product).astype(np.int64)
         for place in np.flatnonzero(np.abs(product) <= _BOUND * (np.abs(left) + np.abs(right)) + _TINY).tolist():
             sides[place] = self._exact_side(a, b, int(others[place]))
         return sides

@@ -114,11 +114,11 @@ def _triangulated(
     inner = np.zeros(triangles.shape, bool)
     for chosen, places in _batches(counts, starts, 3):
         whole = amounts[chosen] > 0
-        chosen, places = chosen[whole], places[whole]
-        if places.shape[1] == 3:
-            triangles[rows[chosen]] = places
+        kept, begins = places[whole], rows[chosen[whole]]
+        if kept.shape[1] == 3:
+            triangles[begins] = kept
         else:
-            _put(_cut(vertices[corners[places]], work), places, rows[chosen], triangles, inner)
+            _put(_cut(vertices[corners[kept]], work), kept, begins, triangles, inner)
     del rows, starts
     polygon = np.repeat(np.arange(len(counts)), amounts)
     return Triangulation(triangles, polygon, inner if inner.any() else None, int((amounts == 0).sum()))

@@ -240,7 +240,7 @@ def _refuse_control(block: Block) -> None:
     lines, first = np.unique(np.searchsorted(block.starts, places, "right") - 1, return_index=True)
     for line, place in zip(lines.tolist(), places[first].tolist(), strict=True):
         kind, before = block.kinds[line], block.text[block.starts[line] : place].tobytes()
-        if kind == NOTHING and b"#" in before or kind == OTHER and len((before + b"?").split(None, 1)) > 1:
+        if (kind == NOTHING and b"#" in before) or (kind == OTHER and len((before + b"?").split(None, 1)) > 1):
             continue
         shown = block.text[block.starts[line] : block.stops[line]].tobytes()[:_SHOWN].decode("utf-8", "replace")
         code = int(block.text[place])

@@ -76,10 +76,10 @@ def read_materials(source: Source, limits: FileLimits, libraries: Sequence[bytes
     declared: dict[bytes, tuple[str, list[str]]] = {}  # the folder of the library, and the lines
     for name in libraries[:_MOST_LIBRARIES]:
         for reference, data in folder.libraries(name):
-            data, damaged = _without_damaged_lines(plain_text(data))
+            text, damaged = _without_damaged_lines(plain_text(data))
             if damaged:
                 source.note(f"{shown_name(name)[:80]!r}: lines with control bytes, left out: {damaged}")
-            for material, lines in parse_mtl(data).items():
+            for material, lines in parse_mtl(text).items():
                 declared.setdefault(material, (posixpath.dirname(reference), lines))
     if len(libraries) > _MOST_LIBRARIES:
         source.note(f"material files: {len(libraries)} are named, the first {_MOST_LIBRARIES} are looked for")

@@ -2,8 +2,9 @@
 
 Format: 3D Systems, "StereoLithography Interface Specification" (1989). Binary: 80 bytes of anything, the number of
 facets, 50 bytes for each: normal, three corners, two bytes. The size tells the kinds apart, since binary files may
-begin with "solid" as well: what is as long as its count asks for is binary, what begins with "solid" and has no
-zero byte near its head, or a facet there, or is in UTF-16 or UTF-32, is text, all else is binary with bytes behind its facets, or cut short.
+begin with "solid" as well: what is as long as its count asks for is binary; what begins with "solid" and has no zero
+byte near its head, or a facet there, or is in UTF-16 or UTF-32, is text; all else is binary with bytes behind its
+facets, or cut short.
 
 Normals follow from the corners and are not read. The two bytes are kept where they are a colour: Materialise Magics'
 (the head has "COLOR=", the colour of facets whose highest bit is set; else red, green, blue from the lowest bits on) or

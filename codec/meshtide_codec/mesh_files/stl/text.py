@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.text_numbers import BLANK, leading_numbers
 from meshtide_codec.mesh_files.encodings import plain_text, refuse_control
+from meshtide_codec.mesh_files.text_numbers import BLANK, leading_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
