@@ -23,7 +23,7 @@ from meshtide_codec.mesh_files.gltf.document import LARGEST_LIST, integer, numbe
         ({"version": 2}, "asset.version is no version: 2"),
         ({"version": "two"}, "asset.version is no version: two"),
         ({"version": "²"}, "asset.version is no version"),
-        ([], "asset of the file is not an object: list"),
+        ([], "asset of the file is not an object: a list"),
     ],
 )
 def test_other_versions_are_refused_by_name(asset: Any, message: str) -> None:
@@ -47,7 +47,7 @@ def test_byte_order_mark_and_padding_are_passed_over() -> None:
         (b"[]", "not an object"),
         (b'{"a"', "cannot be read"),
         (b"\xff\xfe{", "cannot be read"),
-        (b"[" * 200_000, "cannot be read"),
+        (b"[" * 200_000, "nested too deeply"),
         (b'{"a": ' + b"9" * 5000 + b"}", "cannot be read"),
         (b'{"meshes": {}}', "meshes of the file is not a list of objects"),
         (b'{"meshes": [3]}', "meshes of the file is not a list of objects"),
@@ -86,7 +86,7 @@ def test_what_are_no_numbers_is_refused(value: Any) -> None:
 
 def test_values_are_shown_in_one_short_line() -> None:
     assert shown("\x1b[31m\n" + "é" * 100) == "\\x1b[31m\\n" + "\\xe9" * 44
-    assert shown({"a": "b"}) == "dict"
+    assert shown({"a": "b"}) == "an object"
 
 
 def test_not_a_number_in_a_place_that_does_not_matter_is_passed_over() -> None:

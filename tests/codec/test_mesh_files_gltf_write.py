@@ -175,8 +175,8 @@ def test_points_are_written_as_points() -> None:
         (Scene(()), "nothing to write"),
         (Scene.of(Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64))), "nothing to write"),
         (Scene.of(Mesh(np.array([[np.nan, 0, 0]]), np.zeros((1, 3), np.int64))), "vertex 0 of geometry 0"),
-        (Scene((tetrahedron(),), (Node(0),), (0,), document={"extras": {1j: 2}}), "is no JSON"),
-        (Scene((tetrahedron(),), (Node(0),), (0,), document={"extras": float("nan")}), "is no JSON"),
+        (Scene((tetrahedron(),), (Node(0),), (0,), document={"extras": {1j: 2}}), "cannot be written as JSON"),
+        (Scene((tetrahedron(),), (Node(0),), (0,), document={"extras": float("nan")}), "cannot be written as JSON"),
     ],
 )
 def test_what_cannot_be_written_is_refused(scene: Scene, message: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.obj import lines as obj_lines
-from meshtide_codec.mesh_files.obj.lines import FACE, NORMAL, NOTHING, OTHER, TEXCOORD, VERTEX, blocks, plain_text
+from meshtide_codec.mesh_files.obj.lines import FACE, NORMAL, NOTHING, OTHER, TEXCOORD, VERTEX, blocks
 
 
 def test_kinds_of_lines() -> None:
@@ -67,21 +67,6 @@ def test_blocks_hold_whole_lines(size: int, monkeypatch: pytest.MonkeyPatch) -> 
 def test_comments_are_blanked_in_lines_of_numbers_only() -> None:
     (block,) = blocks(b"v 1 # 2\nusemtl a #1\nv 1.#INF # \\ 3\nv 3#4 # 5\n")
     assert [block.line(i).rstrip() for i in range(4)] == [b"v 1", b"usemtl a #1", b"v 1.#INF", b"v 3"]
-
-
-@pytest.mark.parametrize(
-    ("data", "text"),
-    [
-        (b"\xef\xbb\xbfv\r\nv\rv\n\r", b"v\nv\nv\n\n"),
-        ("vü\r\n".encode("utf-16"), "vü\n".encode()),
-        (b"\xfe\xff\x00v\x00\n", b"v\n"),
-        (b"\xff\xfev", "\ufffd".encode()),
-        (b"\xfcv", b"\xfcv"),
-        (b"", b""),
-    ],
-)
-def test_texts_of_other_encodings(data: bytes, text: bytes) -> None:
-    assert plain_text(data) == text
 
 
 @pytest.mark.parametrize("text", [b"v" * 30, b"# " + b"x " * 15, b"f" + b" 1" * 15, b"\\\n" * 15])

@@ -86,7 +86,7 @@ WHOLE = [
 
 @pytest.mark.parametrize("data", WHOLE)
 def test_a_file_that_is_cut_off_anywhere_is_refused(data: bytes) -> None:
-    assert read(data)[1] == (["1 faces have fewer than three different corners: left out"] if data == BINARY else [])
+    assert read(data)[1] == (["faces of fewer than three different corners, left out: 1"] if data == BINARY else [])
     for length in range(len(data)):
         with pytest.raises(MeshFileError):
             read(data[:length])
@@ -122,7 +122,7 @@ def test_any_binary_file_reads_back_to_the_same_mesh(data: st.DataObject, count:
     body: list[tuple[str, list[Any]]] = [(f"{width}f", list(row)) for row in rows]
     body += [(f"{len(one) + 2}i{size}f", [len(one), *one, size, *[0.5] * size]) for one, size in faces]
     mesh, notes = read(binary(keyword, ("3i", [count, len(faces), 0]), *body))
-    assert notes == []
+    assert [note for note in notes if "cross themselves" not in note] == []  # as random polygons may
     assert mesh.vertices.tolist() == [list(row[:3]) for row in rows]
     assert [rotated(one) for one in mesh.polygons_as_lists()] == [rotated(one) for one, _ in faces]
     assert values(mesh, "NORMAL") == ([list(row[3:6]) for row in rows] if normal else None)

@@ -149,8 +149,8 @@ def test_floats_for_colours_of_faces() -> None:
         (b"OFF 4 1 0\n" + ROWS, "4 words follow the last face: left out"),
         (b"OFF 4 2 0\n" + ROWS.replace(b"0 1 2\n", b"0 1 2 7 7\n"), "1 faces have something behind their corners"),
         (b"OFF 4 2 0\n" + ROWS[:-1], "its last line has no end"),
-        (b"OFF 4 4 0\n" + ROWS + b"2 0 1\n3 0 1 1\n", "1 faces have fewer than three different corners"),
-        (b"OFF 4 3 0\n" + ROWS + b"4 0 1 0 1\n", "1 faces have fewer than three different corners"),
+        (b"OFF 4 4 0\n" + ROWS + b"2 0 1\n3 0 1 1\n", "faces of fewer than three different corners, left out: "),
+        (b"OFF 4 3 0\n" + ROWS + b"4 0 1 0 1\n", "faces of fewer than three different corners, left out: "),
         (b"OFF 4 2 0\n" + ROWS.replace(b"0 1 2\n", b"0 1 2 .5\n"), "rows of a colour map are no whole numbers"),
         (b"OFF 4 2 0\n" + ROWS.replace(b"0 1 2\n", b"0 1 2 5 6 999\n"), "colours of faces are outside of 0 to 255"),
     ],
@@ -333,7 +333,7 @@ def test_any_legal_spelling_reads_back_to_the_same_mesh(data: st.DataObject) -> 
     content = data.draw(contents())
     text = data.draw(st.composite(lambda draw: spelt(content, draw))())
     mesh, notes = read(text.encode())
-    assert notes == []
+    assert [note for note in notes if "cross themselves" not in note] == []  # as random polygons may
     assert mesh.vertices.tolist() == content["points"]
     assert [rotated(row) for row in mesh.polygons_as_lists()] == [rotated(row) for row in content["faces"]]
     assert values(mesh, "NORMAL") == content["normals"]

@@ -89,7 +89,7 @@ def test_polygons_are_cut_alike_in_parts_of_any_size(monkeypatch: pytest.MonkeyP
     assert parts.mesh().faces.tolist() == whole.mesh().faces.tolist()
     assert outlines(parts.mesh()) == outlines(whole.mesh())
     assert told == notes
-    assert len(notes) == 1
+    assert [note.split(",")[0][-7:] for note in notes] == ["corners", "overlap"]
 
 
 def strips(rows: list[list[int]], kind: str = "i4", vertices: int = 99) -> list[list[int]]:
@@ -138,7 +138,7 @@ def test_values_of_faces_follow_their_triangles() -> None:
     scene, notes = read(ply(vertex(SQUARE), face(*rows, more=more)))
     mesh = scene.mesh()
     assert notes == [
-        "faces of fewer than three different corners: 1, left out",
+        "faces of fewer than three different corners, left out: 1",
         "faces with texture coordinates for another number of corners: 1, of these none are read",
     ]
     assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [2, 1, 0], [0, 1, 3]]

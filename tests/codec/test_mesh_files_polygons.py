@@ -207,7 +207,9 @@ def test_polygons_that_cross_or_touch_themselves_are_cut_somehow(corners: np.nda
 def test_convex_polygons_are_not_cut_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     cut_by_ears = []
     original = polygons.ears
-    monkeypatch.setattr(polygons, "ears", lambda planes: cut_by_ears.append(len(planes)) or original(planes))
+    monkeypatch.setattr(
+        polygons, "ears", lambda planes, work: cut_by_ears.append(len(planes)) or original(planes, work)
+    )
     angles = np.arange(8) * np.pi / 4
     octagon = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
     dented = octagon * np.where(np.arange(8) == 3, 0.2, 1.0)[:, None]

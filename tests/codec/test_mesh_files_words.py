@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.words import Words, plain_text, without_comments
+from meshtide_codec.mesh_files.words import Words, without_comments
 
 
 @given(st.text(alphabet="12. \t\n", max_size=60), st.integers(0, 5))
@@ -57,12 +57,7 @@ def test_a_text_of_blanks_has_no_numbers() -> None:
         assert Words(text).numbers(0, 0).tolist() == []
 
 
-def test_marks_and_line_ends_and_comments() -> None:
-    assert plain_text(b"a\rb\r\nc\n") == b"a\nb\nc\n"
-    for encoding in ("utf-8-sig", "utf-16"):
-        assert plain_text("v \u00e9".encode(encoding))[:2] == b"v "
-    assert plain_text("v 1".encode("utf-16-be").join([b"\xfe\xff", b""])) == b"v 1"
+def test_comments_are_left_out() -> None:
     text = b"no comment"
-    assert plain_text(text) is text
     assert without_comments(text) is text
     assert without_comments(b"#a\n1 2#b#c\n#") == b"\n1 2\n"

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshtide_codec.mesh_files.ear_clipping import Work, clipped
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -19,6 +21,8 @@ _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
 _ROUNDING = 1e-15
 """Errors of coordinates near 1 after a rotation."""
+_SAME = 1e-11
+"""How much areas may differ, as a part of them."""
 _PASSES = 64
 """Corners that are left out may straighten others, seldom more than once."""
 
@@ -34,8 +38,13 @@ def planes(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[
     return seen
 
 
-def ears(outlines: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Triangles (k, n - 2, 3) of polygons (k, n, 2); corners rise along the outline, whichever way earcut turned it."""
+def ears(outlines: NDArray[np.float64], work: Work) -> NDArray[np.int64]:
+    """Triangles (k, n - 2, 3) of polygons (k, n, 2); corners rise along the outline, whichever way earcut turned it.
+
+    Args:
+        outlines: that turn left, of sizes near 1.
+        work: what may be done for those that earcut cuts wrongly; counts those that cross themselves.
+    """
     from mapbox_earcut import triangulate_float64  # noqa: PLC0415 - few files have concave polygons
 
     size = outlines.shape[1]
@@ -51,10 +60,53 @@ def ears(outlines: NDArray[np.float64]) -> NDArray[np.int64]:
         bends = _bends(plane)
         found = triangulate_float64(plane[bends], np.array([len(bends)], np.uint32)).reshape(-1, 3)
         triangles = _with_all_corners(bends[np.sort(found, axis=1)].tolist(), size)
-        # An outline that crosses itself becomes a fan.
-        cut[place] = [(0, i + 1, i + 2) for i in range(size - 2)] if triangles is None else triangles
+        cut[place] = _fan(size) if triangles is None else triangles
     cut.sort(axis=2)
+    for place in np.flatnonzero(~_fits(outlines, cut)).tolist():
+        cut[place] = _mended(outlines[place], cut[place], work)
     return cut
+
+
+def _mended(plane: NDArray[np.float64], cut: NDArray[np.int64], work: Work) -> NDArray[np.int64]:
+    """Triangles of a polygon (n, 2) that earcut cut wrongly; where nothing fits, those that overlap least."""
+    size = len(plane)
+    bends = _bends(plane)
+    best, least = cut, abs(float(_excess(plane[None], cut[None])[0][0]))
+    for corners in (bends, np.arange(size)) if 2 < len(bends) < size else (np.arange(size),):
+        found = clipped(plane[corners], work)
+        triangles = None if found is None else _with_all_corners(corners[np.array(found)].tolist(), size)
+        if triangles is None:
+            continue
+        other = np.sort(np.array(triangles), axis=1)
+        if _fits(plane[None], other[None])[0]:
+            return other
+        excess = abs(float(_excess(plane[None], other[None])[0][0]))
+        if excess < least:
+            best, least = other, excess
+    work.crossed += 1
+    return best
+
+
+def _fan(size: int) -> list[list[int]]:
+    return [[0, i + 1, i + 2] for i in range(size - 2)]
+
+
+def _fits(outlines: NDArray[np.float64], cut: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Of which polygons (k, n, 2) the triangles (k, n - 2, 3) have the area, so that none overlap."""
+    excess, area = _excess(outlines, cut)
+    fits: NDArray[np.bool_] = np.abs(excess) <= _SAME * area + outlines.shape[1] * _ROUNDING
+    return fits
+
+
+def _excess(outlines: NDArray[np.float64], cut: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How much larger the areas of triangles (k, n - 2, 3) are than those (k,) of their polygons; the latter."""
+    following = np.roll(outlines, -1, axis=1)
+    area = np.abs((outlines[..., 0] * following[..., 1] - outlines[..., 1] * following[..., 0]).sum(axis=1)) / 2
+    a, b, c = (np.take_along_axis(outlines, cut[:, :, place, None], axis=1) for place in range(3))
+    b, c = b - a, c - a
+    total = np.abs(b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0]).sum(axis=1) / 2
+    excess: NDArray[np.float64] = total - area
+    return excess, area
 
 
 def _bends(plane: NDArray[np.float64]) -> NDArray[np.int64]:

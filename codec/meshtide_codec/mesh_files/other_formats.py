@@ -60,9 +60,11 @@ def read_other(source: Source, limits: FileLimits) -> Scene:
     except MemoryError:
         raise
     except Exception as error:  # its readers raise whatever their parsers meet
-        raise MeshFileError(f"trimesh cannot read it: {str(error) or type(error).__name__}") from error
+        raise MeshFileError(
+            f"trimesh cannot read it: it is damaged, or of another kind than *{source.suffix}"
+        ) from error
     if not isinstance(mesh, trimesh.Trimesh):
-        raise MeshFileError(f"there is no mesh in it but a {type(mesh).__name__}")
+        raise MeshFileError("there is no mesh in it, but points or lines")
     limits.check_counts(len(mesh.vertices), len(mesh.faces))
     source.note(f"files named *{source.suffix} are read as positions and triangles: nothing else of them is kept")
     return Scene.of(Mesh.checked(mesh.vertices, mesh.faces))
@@ -85,7 +87,7 @@ def write_other(scene: Scene, kind: str) -> bytes:
             plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
             data = plain.export(file_type=kind)
     except (KeyError, ValueError, ImportError) as error:
-        raise MeshFileError(f"files named *.{kind} need a library: pip install {_READ[kind]} ({error})") from error
+        raise MeshFileError(f"files named *.{kind} need a library: pip install {_READ[kind]}") from error
     return data.encode() if isinstance(data, str) else bytes(data)
 
 
@@ -106,6 +108,6 @@ def _check_archive(data: bytes, limits: FileLimits) -> None:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             size = sum(member.file_size for member in archive.infolist())
     except (zipfile.BadZipFile, ValueError, NotImplementedError, OverflowError) as error:
-        raise MeshFileError(f"the archive is damaged: {error}") from error
+        raise MeshFileError("the archive is damaged") from error
     if size > most:
         raise MeshFileError(f"the archive expands to more than {most} bytes from {len(data)}")

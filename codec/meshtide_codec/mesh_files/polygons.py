@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshtide_codec.mesh_files.ear_clipping import Work
 from meshtide_codec.mesh_files.ears import ears, planes
 
 if TYPE_CHECKING:
@@ -30,6 +31,10 @@ _STRAIGHT = 1e-12
 """What counts as straight or flat, as a part of the polygon's area: far above rounding, far below what one can see."""
 
 
+_VISIBLE = 1e-9
+"""What counts as an area, as a part of the square of a length: far above rounding."""
+
+
 @dataclass(frozen=True, slots=True)
 class Triangulation:
     """Triangles of polygons.
@@ -39,12 +44,27 @@ class Triangulation:
         polygon: (m,) int64, the polygon that each triangle belongs to; they rise.
         inner: (m, 3) bool, whether the edge from a corner to the next one is inside of its polygon; None if none is.
         degenerate: how many polygons had fewer than three distinct vertices, and became nothing.
+        crossed: how many polygons cross themselves, so that their triangles overlap.
     """
 
     corners: NDArray[np.int64]
     polygon: NDArray[np.int64]
     inner: NDArray[np.bool_] | None
     degenerate: int
+    crossed: int = 0
+
+    def notes(self, corners: str = "corners") -> list[str]:
+        """What a person should know of it, a line each.
+
+        Args:
+            corners: what the file calls them.
+        """
+        told = []
+        if self.degenerate:
+            told.append(f"faces of fewer than three different {corners}, left out: {self.degenerate}")
+        if self.crossed:
+            told.append(f"{self.crossed} polygons cross themselves: their triangles overlap")
+        return told
 
 
 def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Triangulation:
@@ -66,21 +86,23 @@ def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corne
     most = int(np.maximum(counts - 2, 0).sum())
     triangles, polygon, inner = np.empty((most, 3), np.int64), np.empty(most, np.int64), np.zeros((most, 3), bool)
     filled = passed = degenerate = 0
+    work = Work()
     for begin in range(0, len(counts), _PART):
         some = counts[begin : begin + _PART]
         size = int(some.sum())
-        part = _triangulated(vertices, some, corners[passed : passed + size])
+        part = _triangulated(vertices, some, corners[passed : passed + size], work)
         rows = slice(filled, filled + len(part.polygon))
         np.add(part.corners, passed, out=triangles[rows])
         np.add(part.polygon, begin, out=polygon[rows])
         if part.inner is not None:
             inner[rows] = part.inner
         filled, passed, degenerate = rows.stop, passed + size, degenerate + part.degenerate
-    return Triangulation(triangles[:filled], polygon[:filled], inner[:filled] if inner.any() else None, degenerate)
+    kept = inner[:filled] if inner.any() else None
+    return Triangulation(triangles[:filled], polygon[:filled], kept, degenerate, work.crossed)
 
 
 def _triangulated(
-    vertices: NDArray[np.float64], counts: NDArray[np.int64], corners: NDArray[np.int64]
+    vertices: NDArray[np.float64], counts: NDArray[np.int64], corners: NDArray[np.int64], work: Work
 ) -> Triangulation:
     """The same of some polygons: by their sizes, in arrays that are much larger than the triangles."""
     starts = np.cumsum(counts) - counts
@@ -92,7 +114,11 @@ def _triangulated(
     inner = np.zeros(triangles.shape, bool)
     for chosen, places in _batches(counts, starts, 3):
         whole = amounts[chosen] > 0
-        _put(chosen[whole], places[whole], vertices, corners, rows, triangles, inner)
+        kept, begins = places[whole], rows[chosen[whole]]
+        if kept.shape[1] == 3:
+            triangles[begins] = kept
+        else:
+            _put(_cut(vertices[corners[kept]], work), kept, begins, triangles, inner)
     del rows, starts
     polygon = np.repeat(np.arange(len(counts)), amounts)
     return Triangulation(triangles, polygon, inner if inner.any() else None, int((amounts == 0).sum()))
@@ -122,21 +148,16 @@ def _batches(
 
 
 def _put(
-    chosen: NDArray[np.int64],
+    parts: Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]],
     places: NDArray[np.int64],
-    vertices: NDArray[np.float64],
-    corners: NDArray[np.int64],
     rows: NDArray[np.int64],
     triangles: NDArray[np.int64],
     inner: NDArray[np.bool_],
 ) -> None:
-    """Put the triangles of k polygons of n corners, and their inner edges, where they belong."""
+    """Put the triangles of polygons (k, n), and their inner edges, into the rows that begin at `rows` (k,)."""
     size = places.shape[1]
-    if size == 3:
-        triangles[rows[chosen]] = places
-        return
-    for polygons, cut in _cut(vertices[corners[places]]):
-        where = rows[chosen[polygons]][:, None] + np.arange(size - 2)
+    for polygons, cut in parts:
+        where = rows[polygons][:, None] + np.arange(size - 2)
         triangles[where] = cut + places[polygons, 0][:, None, None]
         pattern = cut[:1] if cut.strides[0] == 0 else cut  # all may be cut alike
         inner[where] = (pattern + 1) % size != pattern[:, :, [1, 2, 0]]
@@ -149,7 +170,7 @@ def _few_vertices(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
     return few
 
 
-def _cut(points: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+def _cut(points: NDArray[np.float64], work: Work) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Triangles of k polygons (k, n, 3), some at a time: which polygons (j,), the corners of each (j, n - 2, 3)."""
     size = points.shape[1]
     points = _near_one(points)
@@ -162,13 +183,18 @@ def _cut(points: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.int64], NDArr
         turn = (_cross(before, edges) * normal[:, None]).sum(axis=0)
         left = turn > _STRAIGHT * square
         if size == _QUAD:
+            if (odd := ~(left[0] & left[2] | left[1] & left[3])).any():
+                twice = (turn[:, odd] < -_STRAIGHT * square[odd]).sum(axis=0) == 2
+                work.crossed += int((twice | (square[odd] == 0) & _spread(along[..., odd])).sum())
             yield from _halves(along, left)
             return
+        longest = (edges * edges).sum(axis=0).max(axis=0)
+        flat = ~(np.sqrt(square) > _STRAIGHT * longest)
+        if flat.any():
+            work.crossed += int(_spread(along[..., flat]).sum())
         level = turn > -_STRAIGHT * square
         ahead = (before * edges).sum(axis=0) * np.sqrt(square)
         once = np.abs(np.arctan2(turn, ahead).sum(axis=0)) < 3 * np.pi  # a star turns round twice
-        longest = (edges * edges).sum(axis=0).max(axis=0)
-        flat = ~(np.sqrt(square) > _STRAIGHT * longest)
     # A fan around a corner has no flat triangle if its two neighbours are no corners on straight lines.
     apexes = np.roll(left, 1, axis=0) & np.roll(left, -1, axis=0)
     convex = level.all(axis=0) & once & apexes.any(axis=0)
@@ -179,7 +205,7 @@ def _cut(points: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.int64], NDArr
     yield fans, ring[:, np.stack([np.zeros_like(spans), spans + 1, spans + 2], axis=1)]
     rest = np.flatnonzero(~(convex | flat))
     if len(rest):
-        yield rest, ears(planes(points[rest], normal[:, rest].T))
+        yield rest, ears(planes(points[rest], normal[:, rest].T), work)
 
 
 def _near_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -203,6 +229,15 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
         np.multiply(a[axis - 2], b[axis - 1], out=products[axis])
         products[axis] -= np.multiply(a[axis - 1], b[axis - 2], out=other)
     return products
+
+
+def _spread(along: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which polygons (3, n, k) of no area have triangles that have some, as what crosses itself has."""
+    spokes = along - along[:, :1]
+    areas = _cross(spokes[:, :-1], spokes[:, 1:])
+    longest = (spokes * spokes).sum(axis=0).max(axis=0)
+    spread: NDArray[np.bool_] = np.sqrt((areas * areas).sum(axis=(0, 1))) > _VISIBLE * longest
+    return spread
 
 
 def _halves(

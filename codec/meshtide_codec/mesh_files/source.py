@@ -99,7 +99,7 @@ class Source:
         except UnicodeEncodeError as error:
             raise MeshFileError(f"the file names {shown!r}, which cannot be read: no file can be called so") from error
         except (OSError, RuntimeError, ValueError) as error:  # a name that is too long, a circle of links, no right
-            reason = getattr(error, "strerror", None) or type(error).__name__
+            reason = getattr(error, "strerror", None) or "its name leads to no file"
             raise MeshFileError(f"the file names {shown!r}, which cannot be read: {reason}") from error
 
 
@@ -136,10 +136,11 @@ def open_source(path: Path | str, limits: FileLimits, *, kind: str | None = None
         with Path(path).open("rb") as file:
             data = _binary(file, limits) or read_bounded(file, limits)
             folder = None if alone else Path(path).parent
+    notes: list[str] = []
     if data[:2] == GZIP_MAGIC:
-        data = expanded(bytes(data), limits)
+        data = expanded(bytes(data), limits, notes)
     suffix = format_suffix(name) if kind is None else f".{kind.lstrip('.').lower()}"
-    return Source(name, suffix, data, folder)
+    return Source(name, suffix, data, folder, notes)
 
 
 def _binary(file: BinaryIO, limits: FileLimits) -> memoryview | None:
@@ -187,8 +188,13 @@ def _pieces(file: BinaryIO, most: int) -> Iterator[bytes]:
         yield piece
 
 
-def expanded(data: bytes, limits: FileLimits) -> bytes:
-    """What a gzip archive holds.
+def expanded(data: bytes, limits: FileLimits, notes: list[str] | None = None) -> bytes:
+    """What a gzip archive holds; bytes behind it that are no archive are left out, as gunzip does.
+
+    Args:
+        data: the archive.
+        limits: how large its content may be.
+        notes: a line for the person who waits is added to these if bytes were left out.
 
     Raises:
         MeshFileError: it is damaged, cut short, or grows more than a file of a mesh would.
@@ -220,8 +226,12 @@ def expanded(data: bytes, limits: FileLimits) -> bytes:
                 if piece:
                     pieces.append(piece)
             position = _after_zeros(data, position - len(member.unused_data))
+            if not GZIP_MAGIC.startswith(data[position : position + len(GZIP_MAGIC)]):
+                if notes is not None:
+                    notes.append(f"{len(data) - position} bytes after the archive: left out")
+                break
     except zlib.error as error:
-        raise MeshFileError(f"the archive is damaged: {error}") from error
+        raise MeshFileError("the archive is damaged") from error
     return b"".join(pieces)
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BLANK = 32
-"""Characters up to the blank stand between words: tabs, line ends, and what a terminal would not show."""
+"""Characters up to the blank stand between words: tabs and line ends; other control bytes were replaced before."""
 
 PADDING = 32
 """Blanks that stand before and after every text, so that no look beside a number leaves the array."""
@@ -36,7 +36,6 @@ _BLOCK = 1 << 14  # words that are read at a time: their arrays stay in the cach
 _FEW = 256  # words that are read one by one
 _MANY = 4  # one word in so many signs and dots, spelled otherwise: all are read alike
 _DOT, _MINUS, _PLUS, _ZERO, _SMALL_E = b".-+0e"
-_NO_TEXT = ord("?")
 _TO_SMALL = np.uint8(32)  # the bit by which small letters differ
 _LONGEST_POWER = 3  # digits
 _LONGEST_INTEGER = 32  # digits, zeros before them among these
@@ -142,8 +141,8 @@ def leading_numbers(
 
     Args:
         text: that they stand in, of any length, without padding.
-        starts: where each begins; between them are blanks and nothing else. A byte of zero is no number: it stands
-            where a file was damaged.
+        starts: where each begins; between them are blanks and nothing else. Control bytes have been replaced (see
+            `encodings`).
         end: where the last one has ended.
         whole: whether they become int64 where all are whole numbers that it holds.
 
@@ -155,7 +154,6 @@ def leading_numbers(
         words = starts[low : low + _BLOCK]
         begin = int(words[0])
         block = padded(text[begin : int(starts[low + _BLOCK]) if low + _BLOCK < len(starts) else end])
-        block[block == 0] = _NO_TEXT
         count = len(words)
         try:
             found = _numbers(block, whole=values.dtype.kind == "i")

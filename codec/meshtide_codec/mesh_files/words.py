@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.encodings import CONTROL, without_control
 from meshtide_codec.mesh_files.text_numbers import BLANK, leading_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
 _INT32 = 1 << 31
 
 
@@ -35,7 +35,7 @@ class Words:
 
     def __init__(self, text: bytes, offset: int = 0) -> None:
         self.text = text
-        self._raw = np.frombuffer(text, np.uint8)
+        self._raw = np.frombuffer(without_control(text), np.uint8)
         raw = self._raw[offset:]
         begins = raw > BLANK
         begins[1:] &= raw[:-1] <= BLANK
@@ -76,7 +76,8 @@ class Words:
         """
         found = self.text[int(self.starts[word]) : self._end(word + 1)].split(maxsplit=1)[0]
         shown = found[:40].decode("ascii", "replace")
-        raise MeshFileError(f"line {self.line(word)}: a number is missing where {shown!r} stands")
+        told = ", which has a control byte," if CONTROL.search(found) else ""
+        raise MeshFileError(f"line {self.line(word)}: a number is missing where {shown!r}{told} stands")
 
     def line(self, word: int) -> int:
         """The line that a word stands on, from 1; of the word after the last one, that of the end."""
@@ -86,21 +87,6 @@ class Words:
     def _end(self, stop: int) -> int:
         """Where the words before `stop` have ended."""
         return int(self.starts[stop]) if stop < self.count else len(self.text)
-
-
-def plain_text(data: bytes) -> bytes:
-    r"""A text file as ASCII whose lines end in line feeds: byte order marks go, UTF-16 becomes ASCII.
-
-    >>> plain_text(b"\xef\xbb\xbfOFF\r3 1 0\r\n"), plain_text("OFF".encode("utf-16"))
-    (b'OFF\n3 1 0\n', b'OFF')
-    """
-    for mark, encoding in _MARKS:
-        if data.startswith(mark):
-            rest = data[len(mark) :]
-            data = rest if encoding == "utf-8" else rest.decode(encoding, "replace").encode("ascii", "replace")
-    if b"\r" in data:
-        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return data
 
 
 def without_comments(text: bytes) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.formats import Written, writer_of
 from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.other_formats import write_other
-from meshtide_codec.mesh_files.source import format_suffix
+from meshtide_codec.mesh_files.source import GZIP_SUFFIX, format_suffix
 from meshtide_codec.output_files import (
     STANDARD_OUTPUT,
     is_standard_output,
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, replace: bool = True) -> tuple[str, ...]:
     """Write a scene to a file, and beside it what the format keeps in files of their own.
+
+    A file whose name ends in ``.gz`` is packed by gzip, those beside it are not.
 
     Args:
         scene: what is written.
@@ -42,11 +45,12 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
     path = Path(path)
     suffix = _suffix(path, kind)
     writer = writer_of(suffix)
+    packed = path.suffix.lower() == GZIP_SUFFIX
     try:
         if writer is None:
             written = Written(write_other(scene, suffix.lstrip(".")), notes=tuple(not_kept(scene)))
         else:
-            written = writer(scene, path.name)
+            written = writer(scene, path.stem if packed else path.name)
     except MeshFileError as error:
         raise MeshFileError(f"cannot write {path}: {error}") from error
     if written.companions and str(path) == STANDARD_OUTPUT:
@@ -55,7 +59,8 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
         )
     for name, data in written.companions.items():
         write_atomically(path.parent / name, data, replace=replace)
-    write_output(path, written.data, replace=replace)
+    data = gzip.compress(written.data, mtime=0) if packed else written.data  # without the time: always the same
+    write_output(path, data, replace=replace)
     return written.notes
 
 

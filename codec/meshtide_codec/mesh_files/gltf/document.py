@@ -68,8 +68,15 @@ def parsed(text: bytes | memoryview, limits: FileLimits) -> Document:
     try:
         # What is no JSON although Python reads it (NaN) becomes null, which is refused where a number matters.
         root = json.loads(plain.rstrip(b"\0 \t\r\n"), parse_constant=lambda _: None)
-    except (ValueError, RecursionError) as error:
-        raise MeshFileError(f"the JSON cannot be read: {str(error)[:100]}") from error
+    except RecursionError as error:
+        raise MeshFileError("the JSON is nested too deeply") from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise MeshFileError(f"the JSON cannot be read: {place} is not as JSON asks") from error
+    except UnicodeDecodeError as error:
+        raise MeshFileError(f"the JSON cannot be read: byte {error.start} is no text in {error.encoding}") from error
+    except ValueError as error:
+        raise MeshFileError("the JSON cannot be read: a number in it is too long") from error
     if not isinstance(root, dict):
         raise MeshFileError("the JSON is not an object, so this is no glTF file")
     _check_version(root)
@@ -90,8 +97,9 @@ def _check_version(root: Row) -> None:
 
 def shown(value: object) -> str:
     """A value as a message may hold it: short, in one line."""
-    words = str(value)[:50] if isinstance(value, str | int | float | None) else type(value).__name__
-    return ascii(words)[1:-1]
+    if isinstance(value, list | dict):
+        return "a list" if isinstance(value, list) else "an object"
+    return ascii(value[:50] if isinstance(value, str) else json.dumps(value)[:50])[1:-1]
 
 
 def rows(row: Mapping[str, Any], key: str, where: str) -> list[Row]:

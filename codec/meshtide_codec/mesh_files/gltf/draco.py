@@ -91,7 +91,7 @@ def decode(data: bytes) -> DracoMesh:
     except MemoryError:
         raise
     except Exception as error:  # the library raises whatever its decoder meets
-        raise MeshFileError(f"a stream of {DRACO} is damaged: {str(error)[:100] or type(error).__name__}") from error
+        raise MeshFileError(f"a stream of {DRACO} is damaged: DracoPy cannot decode it") from error
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
         raise MeshFileError(f"a stream of {DRACO} holds no triangles")
     tables = {key: one.reshape(len(one), -1) for key, one in attributes.items() if one.ndim in {1, 2}}

@@ -71,7 +71,7 @@ def write_gltf(scene: Scene, name: str) -> Written:
     try:
         text = json.dumps(root, separators=(",", ":"), allow_nan=False).encode()
     except (TypeError, ValueError, RecursionError) as error:
-        raise MeshFileError(f"what the scene keeps beside its geometry is no JSON: {error}") from error
+        raise MeshFileError("what the scene keeps beside its geometry cannot be written as JSON") from error
     lost = not_kept(scene, writing.losses.attributes, kept=["materials", "images", "nodes", "cameras"])
     return Written(pack(text, data) if is_glb else text, writing.companions, (*lost, *writing.losses.notes()))
 

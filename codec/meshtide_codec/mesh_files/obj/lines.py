@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.encodings import CONTROL, has_control
 from meshtide_codec.mesh_files.text_numbers import BLANK, PADDING, padded
 
 if TYPE_CHECKING:
@@ -26,9 +27,8 @@ NOTHING, VERTEX, TEXCOORD, NORMAL, FACE, OTHER = range(6)
 _BLOCK = 1 << 17
 _LONGEST = 1 << 24  # bytes of a line: a polygon of more than two million corners
 _NEWLINE, _HASH, _BACKSLASH, _DOT, _F, _N, _O, _T, _V = b"\n#\\.fnotv"
+_SHOWN = 60  # bytes of a line that a message shows
 _LAST_END = re.compile(rb"[^\\ \t][ \t]*\n")  # of a line that does not go on
-_UTF_8_MARK = b"\xef\xbb\xbf"
-_UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,26 +119,11 @@ class Block:
         return Gathered(text, starts, lines)
 
 
-def plain_text(data: bytes) -> bytes:
-    r"""A text file without its byte order mark, in UTF-8 (or what it was in, if not UTF-16), its lines ended by LF.
-
-    >>> plain_text(b"v 0 0 0\r\nv 1 0 0\r")
-    b'v 0 0 0\nv 1 0 0\n'
-    """
-    if data.startswith(_UTF_16_MARKS):
-        data = data.decode("utf-16", "replace").encode()
-    data = data.removeprefix(_UTF_8_MARK)
-    if b"\r" in data:
-        data = data.replace(b"\r\n", b"\n")
-        data = data.replace(b"\r", b"\n")
-    return data
-
-
 def blocks(data: bytes) -> Iterator[Block]:
     """The lines of a text from `plain_text`, none left out, none cut.
 
     Raises:
-        MeshFileError: a line has no end, or a very late one.
+        MeshFileError: a line has no end, or a very late one, or a control byte in what is no comment and no name.
     """
     start = 0
     line = 1
@@ -188,6 +173,8 @@ def _block(piece: bytes, first: int) -> Block:
     hashes = np.flatnonzero(text == _HASH)
     if len(hashes):
         _blank_comments(block, hashes)
+    if has_control(text):
+        _refuse_control(block)
     return block
 
 
@@ -241,3 +228,21 @@ def _blank_comments(block: Block, hashes: NDArray[np.int64]) -> None:
     chosen = (kinds != NOTHING) & (kinds != OTHER) & (block.text[hashes - 1] != _DOT)
     lines, first = np.unique(lines[chosen], return_index=True)
     _blank(block.text, hashes[chosen][first], block.stops[lines])
+
+
+def _refuse_control(block: Block) -> None:
+    """Refuse control bytes but in comments, and behind the first word of lines that are not of numbers.
+
+    Raises:
+        MeshFileError: there is one.
+    """
+    places = np.array([found.start() for found in CONTROL.finditer(block.text.tobytes())])
+    lines, first = np.unique(np.searchsorted(block.starts, places, "right") - 1, return_index=True)
+    for line, place in zip(lines.tolist(), places[first].tolist(), strict=True):
+        kind, before = block.kinds[line], block.text[block.starts[line] : place].tobytes()
+        if (kind == NOTHING and b"#" in before) or (kind == OTHER and len((before + b"?").split(None, 1)) > 1):
+            continue
+        shown = block.text[block.starts[line] : block.stops[line]].tobytes()[:_SHOWN].decode("utf-8", "replace")
+        code = int(block.text[place])
+        message = f"a control byte ({code:#04x}) stands in it; the file is damaged, or in another encoding than UTF-8"
+        raise MeshFileError(f"line {block.line_number(line)}, {shown!r}: {message}")

@@ -8,13 +8,14 @@ roughness, `norm` the normal map. Nothing is decoded. Format: "MTL material form
 from __future__ import annotations
 
 import posixpath
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_codec.mesh_files.obj.lines import plain_text
+from meshtide_codec.mesh_files.encodings import CONTROL, plain_text
 from meshtide_codec.mesh_files.obj.statements import shown_name, without_comment
 from meshtide_codec.mesh_files.obj.textures import texture_line
 from meshtide_codec.scene import Image, Material
@@ -31,6 +32,7 @@ _MOST_LIBRARIES = 64
 _MOST_IMAGES = 1024
 """More files than any scene names; each is looked for on the disk."""
 
+_NAMED = re.compile(rb"\s*(newmtl|map_\w+|norm|bump|disp|decal|refl)\s")
 _TEXTURES = {
     "map_kd": ("pbrMetallicRoughness", "baseColorTexture"),
     "map_ke": ("emissiveTexture",),
@@ -74,7 +76,10 @@ def read_materials(source: Source, limits: FileLimits, libraries: Sequence[bytes
     declared: dict[bytes, tuple[str, list[str]]] = {}  # the folder of the library, and the lines
     for name in libraries[:_MOST_LIBRARIES]:
         for reference, data in folder.libraries(name):
-            for material, lines in parse_mtl(data).items():
+            text, damaged = _without_damaged_lines(plain_text(data))
+            if damaged:
+                source.note(f"{shown_name(name)[:80]!r}: lines with control bytes, left out: {damaged}")
+            for material, lines in parse_mtl(text).items():
                 declared.setdefault(material, (posixpath.dirname(reference), lines))
     if len(libraries) > _MOST_LIBRARIES:
         source.note(f"material files: {len(libraries)} are named, the first {_MOST_LIBRARIES} are looked for")
@@ -112,6 +117,15 @@ def parse_mtl(data: bytes) -> dict[bytes, list[str]]:
         elif lines is not None:
             lines.append(b" ".join(words).decode("utf-8", "surrogateescape"))
     return found
+
+
+def _without_damaged_lines(text: bytes) -> tuple[bytes, int]:
+    """A plain text without lines that have control bytes before a comment and no name; how many these are."""
+    if CONTROL.search(text) is None:
+        return text, 0
+    lines = text.split(b"\n")
+    kept = [line for line in lines if CONTROL.search(without_comment(line)) is None or _NAMED.match(line)]
+    return b"\n".join(kept), len(lines) - len(kept)
 
 
 class _Folder:
@@ -248,7 +262,7 @@ def _add_texture(
 def _numbers(words: Sequence[str]) -> list[float]:
     """The words as finite numbers; none if one is no such."""
     try:
-        numbers = [float(word) for word in words]
+        numbers = [float(word) for word in words if "_" not in word]
     except ValueError:
         return []
-    return numbers if np.isfinite(numbers).all() else []
+    return numbers if len(numbers) == len(words) and np.isfinite(numbers).all() else []

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.encodings import plain_text
 from meshtide_codec.mesh_files.obj.corners import ZeroIndexError, read_corners
-from meshtide_codec.mesh_files.obj.lines import FACE, NORMAL, NOTHING, OTHER, TEXCOORD, VERTEX, blocks, plain_text
+from meshtide_codec.mesh_files.obj.lines import FACE, NORMAL, NOTHING, OTHER, TEXCOORD, VERTEX, blocks
 from meshtide_codec.mesh_files.obj.materials import read_materials
 from meshtide_codec.mesh_files.obj.scene import Parts, obj_scene
 from meshtide_codec.mesh_files.obj.statements import Statements

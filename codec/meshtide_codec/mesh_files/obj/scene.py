@@ -126,8 +126,8 @@ def _cut(source: Source, parts: Parts, vertices: NDArray[np.float64], corners: N
     counts = np.concatenate([np.full(count, 3) if block is None else block for count, block in parts.counts])
     parts.counts.clear()
     cut = triangulated(vertices, counts, corners)
-    if cut.degenerate:
-        source.note(f"faces of fewer than three different vertices, left out: {cut.degenerate}")
+    for note in cut.notes("vertices"):
+        source.note(note)
     if len(cut.corners) == 0:
         raise MeshFileError(f"none of its faces has three different vertices ({polygons} faces)")
     return _Cut(cut.corners, cut.polygon, cut.inner, polygons)

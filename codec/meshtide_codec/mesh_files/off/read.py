@@ -17,11 +17,12 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files.encodings import plain_text, wide_encoding
 from meshtide_codec.mesh_files.off.binary import read_binary_rows
 from meshtide_codec.mesh_files.off.rows import COLOR_INDEX, OffKeyword
 from meshtide_codec.mesh_files.off.text import read_text_rows
 from meshtide_codec.mesh_files.polygons import triangulated
-from meshtide_codec.mesh_files.words import plain_text, without_comments
+from meshtide_codec.mesh_files.words import without_comments
 from meshtide_codec.scene import Scene
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ def read_off(source: Source, limits: FileLimits) -> Scene:
     >>> read_off(Source("square.off", ".off", data), FileLimits()).mesh().polygons_as_lists()
     [[0, 1, 2, 3]]
     """
-    keyword, offset, binary = _keyword(source.view)
+    wide = wide_encoding(source.view) != ""
+    keyword, offset, binary = (OffKeyword(), 0, False) if wide else _keyword(source.view)
     if binary:
         rows = read_binary_rows(source.view, offset, keyword, limits)
     else:
@@ -77,8 +79,6 @@ def _keyword(data: bytes | memoryview) -> tuple[OffKeyword, int, bool]:
     if found is None:
         if bytes(data[start : start + 1]).isdigit():
             return OffKeyword(), start, False
-        if bytes(data[:2]) in {b"\xff\xfe", b"\xfe\xff"}:
-            return OffKeyword(), start, False  # UTF-16, looked at again as text
         raise MeshFileError("the file does not begin with OFF")
     prefix = found[1].decode() if found[2] == b"OFF" else found[1].decode().upper()
     parts = [part for part in ("ST", "C", "N", "4", "n") if part in prefix]
@@ -113,8 +113,7 @@ def _mesh(rows: OffRows, keyword: OffKeyword) -> tuple[Mesh, list[str]]:
         texture = np.ascontiguousarray(table[:, place : place + 2])
         attributes.append(Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.VERTEX, texture))
     cut = triangulated(points, rows.counts, rows.corners)
-    if cut.degenerate:
-        notes.append(f"{cut.degenerate} faces have fewer than three different corners: left out")
+    notes += cut.notes()
     attributes += _face_colors(rows, cut.polygon, notes)
     return Mesh(points, rows.corners[cut.corners], tuple(attributes), polygons=cut.inner), notes
 

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.encodings import refuse_control
 from meshtide_codec.mesh_files.off.rows import OffRows, check_corners, check_triangles, pieces
 from meshtide_codec.mesh_files.words import Words
 
@@ -61,7 +62,9 @@ def read_text_rows(text: bytes, offset: int, keyword: OffKeyword, limits: FileLi
         offset = dimension.end()
     counts = _COUNTS.match(text, offset)
     if counts is None:
-        raise MeshFileError("the OFF file does not tell its numbers of vertices and faces")
+        line = text.count(b"\n", 0, offset) + 1
+        raise MeshFileError(f"line {line} or the next: the OFF file does not tell its numbers of vertices and faces")
+    refuse_control(text, counts.end())
     vertices, faces = int(counts[1]), int(counts[3])
     limits.check_counts(vertices, faces)
     own_line = b"\n" not in counts[2] and counts[5] is not None and counts[4] is None
@@ -78,6 +81,7 @@ def read_text_rows(text: bytes, offset: int, keyword: OffKeyword, limits: FileLi
                 note = "its last line has no end: if the file was cut off there, its last row may be wrong"
                 return replace(rows, notes=(*rows.notes, note))
             return rows
+    refuse_control(text, len(text))
     _refuse_short_rows(words, vertices, faces, keyword)
     raise first_error or MeshFileError("the OFF file ends behind its counts")
 

@@ -108,8 +108,7 @@ def faces_of(
         triangles = places.copy() if CORNER_TEXCOORDS in columns.lists else places
         for begin in range(0, len(triangles), _BLOCK):
             triangles[begin : begin + _BLOCK] = flat[triangles[begin : begin + _BLOCK]]
-        if cut.degenerate:
-            notes.append(f"faces of fewer than three different corners: {cut.degenerate}, left out")
+        notes += cut.notes()
     attributes = []
     if CORNER_TEXCOORDS in columns.lists:
         attribute, odd = corner_texcoords(columns.lists[CORNER_TEXCOORDS], counts, places, polygon)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.encodings import CONTROL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,6 +24,8 @@ LONGEST_COUNT = 18
 """Digits of a number of rows: more than any file holds, and within 64 bits."""
 _MARK = b"\xef\xbb\xbf"
 _SHOWN = 80
+_BLANKS = "\t\n\v\f\r "
+_COMMENTS = ("comment", "obj_info")
 _LINE_END = re.compile(rb"\r\n?|\n")
 _CARRIAGE_RETURN = re.compile(rb"\r")
 ByteOrder = Literal["=", "<", ">"]
@@ -135,6 +138,8 @@ def read_header(data: bytes | memoryview) -> PlyHeader:
     notes: list[str] = []
     for number, end, line in _lines(data):
         words = line.split()
+        if CONTROL.search(line.encode()) and words[0].lower() not in _COMMENTS:
+            raise MeshFileError(f"line {number} of the PLY header has a control byte: {line[:_SHOWN]!r}")
         match [words[0].lower(), *words[1:]] if words else []:
             case ["ply"] if number == 1:
                 pass
@@ -169,10 +174,10 @@ def _lines(data: bytes | memoryview) -> Iterator[tuple[int, int, str]]:
         number += 1
         if number == 1 and found.group() == b"\r":
             ends = _CARRIAGE_RETURN
-        yield number, found.end(), _text(head[start : found.start()]).strip()
+        yield number, found.end(), _text(head[start : found.start()]).strip(_BLANKS)
         start = found.end()
     if len(head) == len(data) and start < len(head):  # rows of nothing may follow a last line without an end
-        yield number + 1, len(head), _text(head[start:]).strip()
+        yield number + 1, len(head), _text(head[start:]).strip(_BLANKS)
 
 
 def _text(line: bytes) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files.encodings import decoded, wide_encoding
 from meshtide_codec.mesh_files.ply.attributes import CORNER_TEXCOORDS, POSITION, TEXTURE_NUMBER, attributes_of, table
 from meshtide_codec.mesh_files.ply.faces import PlyFaces, faces_of, triangles_of_strips
 from meshtide_codec.mesh_files.ply.header import read_header
@@ -47,6 +48,8 @@ def read_ply(source: Source, limits: FileLimits) -> Scene:
         MeshFileError: the header is not understood, declares more than the file holds or the limits allow, or no
             mesh: points without faces are none.
     """
+    if wide_encoding(source.view):
+        source = replace(source, content=decoded(source.data))
     header = read_header(source.view)
     for note in header.notes:
         source.note(note)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.encodings import CONTROL, without_control
 from meshtide_codec.mesh_files.ply.rows import RowReader, Stored
 from meshtide_codec.mesh_files.text_numbers import BLANK, leading_numbers
 
@@ -26,7 +27,7 @@ _WORD_BYTES = 8
 _TYPICAL_WORD = 10
 _SHOWN = 40
 _BLANKS = bytes(range(BLANK + 1))
-_GAP = re.compile(rb"[\x01-\x20]")
+_GAP = re.compile(rb"[\t-\r ]")
 _LINE_ENDS = re.compile(rb"\r\n?|\n")
 
 
@@ -41,7 +42,6 @@ class PlyText:
     def __init__(self, data: bytes, at: int) -> None:
         self.at = at
         self._data = data
-        self._raw = np.frombuffer(data, np.uint8)
         self._body = at
 
     def read(self, element: PlyElement) -> RowReader:
@@ -75,7 +75,8 @@ class PlyText:
     def _refuse(self, place: int) -> NoReturn:
         word = self._data[place : self._cut(place)]
         shown = word[:_SHOWN].decode("ascii", "replace")
-        raise MeshFileError(f"line {self._line_at(place)}: {shown!r} is no number")
+        told = "has a control byte and " if CONTROL.search(word) else ""
+        raise MeshFileError(f"line {self._line_at(place)}: {shown!r} {told}is no number")
 
     def rest(self) -> int:
         """How many bytes follow the last row, but for blanks."""
@@ -90,7 +91,7 @@ class PlyText:
         at = self._body
         while at < len(self._data):
             end = self._cut(at + CHUNK)
-            starts = _starts(self._raw[at:end])
+            starts = _starts(np.frombuffer(self._data, np.uint8, end - at, at))
             if word < len(starts):
                 return self._line_at(at + int(starts[word]))
             word -= len(starts)
@@ -107,7 +108,7 @@ class PlyText:
 
     def _parsed(self, begin: int, end: int, kind: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
         """The numbers of a part of the text as far as its words are any, and where each word begins in it."""
-        text = self._raw[begin:end]
+        text = np.frombuffer(without_control(self._data[begin:end]), np.uint8)
         starts = _starts(text)
         return leading_numbers(text, starts, len(text), whole=kind.kind == "i"), starts
 
@@ -118,7 +119,7 @@ def _stored(element: PlyElement, kind: np.dtype[Any]) -> list[Stored]:
 
 def _starts(text: NDArray[np.uint8]) -> NDArray[np.int64]:
     """Where each word begins."""
-    inside = (text > BLANK) | (text == 0)
+    inside = text > BLANK
     begins = inside.copy()
     begins[1:] &= ~inside[:-1]
     return np.flatnonzero(begins)

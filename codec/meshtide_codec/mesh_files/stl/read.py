@@ -2,8 +2,9 @@
 
 Format: 3D Systems, "StereoLithography Interface Specification" (1989). Binary: 80 bytes of anything, the number of
 facets, 50 bytes for each: normal, three corners, two bytes. The size tells the kinds apart, since binary files may
-begin with "solid" as well: what is as long as its count asks for is binary, what begins with "solid" and has no
-zero byte near its head is text, all else is binary with bytes behind its facets, or cut short.
+begin with "solid" as well: what is as long as its count asks for is binary; what begins with "solid" and has no zero
+byte near its head, or a facet there, or is in UTF-16 or UTF-32, is text; all else is binary with bytes behind its
+facets, or cut short.
 
 Normals follow from the corners and are not read. The two bytes are kept where they are a colour: Materialise Magics'
 (the head has "COLOR=", the colour of facets whose highest bit is set; else red, green, blue from the lowest bits on) or
@@ -20,6 +21,7 @@ import numpy as np
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files.encodings import decoded, wide_encoding
 from meshtide_codec.mesh_files.stl.text import read_text_corners
 from meshtide_codec.mesh_files.welding import welded
 from meshtide_codec.scene import Scene
@@ -37,6 +39,7 @@ _LOOKED_AT = 1024
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
 """A facet of a binary file."""
 _TEXT = re.compile(rb"(?:\xef\xbb\xbf)?\s*solid(?!\w)", re.IGNORECASE)
+_FACET = re.compile(rb"\sfacet\s+normal\s", re.IGNORECASE)
 _OWN = 0x8000
 """The highest bit of a facet's two bytes."""
 
@@ -51,7 +54,7 @@ def read_stl(source: Source, limits: FileLimits) -> Scene:
     facets = int.from_bytes(data[HEADER:_FACETS], "little") if len(data) >= _FACETS else 0
     size = _FACETS + FACET.itemsize * facets
     if len(data) != size or facets == 0:
-        if _TEXT.match(data) and b"\0" not in bytes(data[:_LOOKED_AT]):
+        if _is_text(data):
             corners, notes = read_text_corners(source.data, limits)
             for note in notes:
                 source.note(note)
@@ -72,6 +75,15 @@ def read_stl(source: Source, limits: FileLimits) -> Scene:
     if note:
         source.note(note)
     return Scene.of(_mesh(rows["corners"].reshape(-1, 3), colors))
+
+
+def _is_text(data: memoryview) -> bool:
+    """Whether the bytes of a file whose size is not that of a binary one are those of a text."""
+    head = bytes(data[:_LOOKED_AT])
+    text = decoded(head)
+    if _TEXT.match(text) is None:
+        return False
+    return wide_encoding(head) != "" or b"\0" not in text or _FACET.search(text) is not None
 
 
 def _mesh(corners: NDArray[np.floating], attributes: tuple[Attribute, ...]) -> Mesh:

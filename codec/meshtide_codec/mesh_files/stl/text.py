@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.mesh_files.encodings import plain_text, refuse_control
 from meshtide_codec.mesh_files.text_numbers import BLANK, leading_numbers
-from meshtide_codec.mesh_files.words import plain_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,6 +27,7 @@ _FACET = re.compile(rb"\sfacet\s+normal\s+[-+.\dni]")
 _NUMBER_STARTS = np.zeros(256, bool)
 _NUMBER_STARTS[list(b"+-.0123456789")] = True
 _KNOWN = (b"vertex", b"facet", b"normal", b"outer", b"loop", b"endloop", b"endfacet", b"nan", b"inf", b"infinity")
+_BLANKS = bytes(range(BLANK + 1))
 _IN_A_FACET = np.frombuffer(b"fnolvvvee", np.uint8)
 """The first letters of the words of a facet: facet normal, outer loop, three times vertex, endloop, endfacet."""
 
@@ -39,6 +40,7 @@ def read_text_corners(data: bytes, limits: FileLimits) -> tuple[NDArray[np.float
             too much.
     """
     text, ended = _without_names(plain_text(data).lower())
+    refuse_control(text, len(text.rstrip(_BLANKS)))
     raw = np.frombuffer(text, np.uint8)
     begins = raw > BLANK
     begins[1:] &= raw[:-1] <= BLANK
