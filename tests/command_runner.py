@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from click.testing import Result
 
 
-def meshtide(*arguments: object) -> Result:
-    """What a command answers; an error that it raises is its `exception`."""
+def meshtide(*arguments: object, given: bytes | None = None) -> Result:
+    """What a command answers; an error that it raises is its `exception`; `given` stands on its standard input."""
     app = typer.Typer()
     commands.register(app)
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=True)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], input=given, catch_exceptions=True)

@@ -85,6 +85,9 @@ def run(app: typer.Typer) -> NoReturn:
         app(standalone_mode=True)
     except (MeshtideError, OSError) as error:
         _end_with(error)
+    except KeyboardInterrupt:  # before typer listens for it
+        _complain("meshtide: interrupted")
+        _end(ExitCode.INTERRUPTED)
     except SystemExit as ending:
         if isinstance(ending.__context__, BrokenPipeError):  # typer and rich make it a silent exit with code 1
             _end_with(ending.__context__)

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.stream.packets import Packet
 
+StreamArgument = Annotated[
+    Path, typer.Argument(help="A .tide file, or the beginning of one; - reads a pipe.", parser=named_path)
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 
 
@@ -201,7 +204,7 @@ def encode(
 
 
 def decode(
-    stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
+    stream: StreamArgument,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -241,12 +244,13 @@ def decode(
     from meshtide_codec.printable import shown
     from meshtide_codec.stream.container import read_available
 
-    path = output or stream.with_suffix(".decoded.ply")
+    path = output or stream.with_suffix(f".decoded.{kind or 'ply'}")
     target = output_file(path, [stream], overwrite=overwrite, standard_output=True)
     kind = format_of(target.path, kind)
     limits = wanted_limits(max_vertices, max_faces)
-    header, packets, problem = read_available(stream.read_bytes(), limits)
+    header, packets, problem = read_available(_stream_bytes(stream), limits)
     if problem is not None and not partial:
+        typer.echo("what is whole of it can be had: add --partial", err=True)
         raise problem
     coarsest = header.levels[0].level
     if not 0 <= level <= coarsest:
@@ -286,7 +290,7 @@ def decode(
 
 
 def info(
-    stream: Annotated[Path, typer.Argument(help="A .tide file, or the beginning of one.")],
+    stream: StreamArgument,
     statistics: Annotated[bool, typer.Option(help="Read the Diffs too: Shannon's bound, power law, l2 error.")] = False,
     max_vertices: MaxVerticesOption = None,
     max_faces: MaxFacesOption = None,
@@ -300,7 +304,7 @@ def info(
     from meshtide_codec.limits import wanted_limits
     from meshtide_codec.stream.container import read_available
 
-    header, packets, problem = read_available(stream.read_bytes(), wanted_limits(max_vertices, max_faces))
+    header, packets, problem = read_available(_stream_bytes(stream), wanted_limits(max_vertices, max_faces))
     report = _report(header) | {"packets_present": len(packets), "problem": None if problem is None else str(problem)}
     if statistics and header.profile != "classic":
         raise OptionError("--statistics reads the Diffs of profile classic; those of other profiles are bit planes")
@@ -344,6 +348,13 @@ def sphere(as_json: JsonOption = False) -> None:
             f"{1e4 * row.l2_error:.3f}",
         )
     wide_console().print(table)
+
+
+def _stream_bytes(stream: Path) -> bytes:
+    """The bytes of a stream's file, or of standard input where it is called ``-``."""
+    import sys
+
+    return sys.stdin.buffer.read() if str(stream) == "-" else stream.read_bytes()
 
 
 def _figure(value: float | None) -> str:

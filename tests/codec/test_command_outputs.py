@@ -15,7 +15,7 @@ import pytest
 from command_runner import meshtide
 from meshes import grid
 from meshtide_codec.decoder import decode
-from meshtide_codec.errors import MeshFileError, OptionError
+from meshtide_codec.errors import MeshFileError, OptionError, StreamError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 
@@ -201,3 +201,40 @@ def test_a_path_to_a_file_that_is_called_hyphen_is_a_file(mesh_file: Path, monke
     assert Path("-.tide").read_bytes() == stream
     assert meshtide("decode", "./-.tide", "-o", ".//-", "--format", "obj", "--overwrite").exit_code == 0
     assert len(load_mesh(Path.cwd() / "-", kind="obj").vertices) == 64
+
+
+def test_a_file_beside_a_gltf_file_is_not_replaced_and_told_before_anything_is_written(tmp_path: Path) -> None:
+    save_mesh(grid(4), tmp_path / "patch.ply")
+    assert meshtide("encode", tmp_path / "patch.ply").exit_code == 0
+    (tmp_path / "m.bin").write_text("mine")
+    refused = meshtide("decode", tmp_path / "patch.tide", "-o", tmp_path / "m.gltf")
+    assert isinstance(refused.exception, OptionError)
+    assert "m.bin is there already" in str(refused.exception)
+    assert (tmp_path / "m.bin").read_text() == "mine"
+    assert not (tmp_path / "m.gltf").exists()
+
+
+def test_the_default_name_of_a_decoded_mesh_ends_as_its_format_asks(tmp_path: Path) -> None:
+    save_mesh(grid(4), tmp_path / "patch.ply")
+    assert meshtide("encode", tmp_path / "patch.ply").exit_code == 0
+    assert meshtide("decode", tmp_path / "patch.tide", "--format", "obj").exit_code == 0
+    assert (tmp_path / "patch.decoded.obj").read_bytes().startswith(b"#")
+    assert not (tmp_path / "patch.decoded.ply").exists()
+
+
+def test_a_damaged_stream_tells_how_to_have_what_is_whole(tmp_path: Path) -> None:
+    save_mesh(grid(4), tmp_path / "patch.ply")
+    assert meshtide("encode", tmp_path / "patch.ply").exit_code == 0
+    (tmp_path / "cut.tide").write_bytes((tmp_path / "patch.tide").read_bytes()[:-3])
+    cut = meshtide("decode", tmp_path / "cut.tide")
+    assert isinstance(cut.exception, StreamError)
+    assert "--partial" in cut.stderr
+
+
+def test_streams_are_read_from_pipes(tmp_path: Path) -> None:
+    save_mesh(grid(4), tmp_path / "patch.ply")
+    assert meshtide("encode", tmp_path / "patch.ply").exit_code == 0
+    whole = (tmp_path / "patch.tide").read_bytes()
+    assert json.loads(meshtide("info", "-", "--json", given=whole).stdout)["bytes"] == len(whole)
+    assert meshtide("decode", "-", "-o", tmp_path / "piped.ply", given=whole).exit_code == 0
+    assert load_mesh(tmp_path / "piped.ply").faces.shape == grid(4).faces.shape

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import gzip
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshtide_codec.errors import MeshFileError
+from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.mesh_files.formats import Written, writer_of
 from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.other_formats import write_other
@@ -18,6 +19,8 @@ from meshtide_codec.output_files import (
     write_atomically,
     write_output,
 )
+from meshtide_codec.output_policy import REMEDY
+from meshtide_codec.printable import shown
 from meshtide_codec.scene import Scene
 
 if TYPE_CHECKING:
@@ -40,6 +43,7 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
 
     Raises:
         MeshFileError: the format is unknown, or needs files of their own beside standard output.
+        OptionError: a file that the format keeps beside it is there already, and may not be replaced.
         OSError: a file cannot be written, or is there and may not be replaced; nothing is left behind of it.
     """
     path = Path(path)
@@ -57,6 +61,9 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
         raise MeshFileError(
             f"a {suffix} file with {', '.join(written.companions)} beside it needs a folder; name a file"
         )
+    there = [name for name in written.companions if not replace and os.path.lexists(path.parent / name)]
+    if there:
+        raise OptionError(f"{shown(path.parent / there[0])} is there already; {REMEDY}")
     for name, data in written.companions.items():
         write_atomically(path.parent / name, data, replace=replace)
     data = gzip.compress(written.data, mtime=0) if packed else written.data  # without the time: always the same
