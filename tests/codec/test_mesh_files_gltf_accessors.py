@@ -139,7 +139,7 @@ def test_sparse_claims_are_held_against_their_bytes(changes: dict[str, Any], mes
         ({"count": 10**12}, "claims 1000000000000 elements"),
         ({"count": -1}, r"count of accessors\[0\] is not a number from 0 on: -1"),
         ({"type": "VEC9"}, r"accessors\[0\] is of an unknown type: 5126, VEC9"),
-        ({"type": ["VEC3"]}, "of an unknown type: 5126, list"),
+        ({"type": ["VEC3"]}, "of an unknown type: 5126, a list"),
         ({"componentType": 5124}, "of an unknown type: 5124"),
         ({"bufferView": None}, r"bufferView of accessors\[0\] is not a number"),
         ({"bufferView": 7}, r"accessors\[0\] names bufferViews\[7\]; the file has 1 bufferViews"),

@@ -96,7 +96,7 @@ def test_damaged_streams_name_their_extension(name: str, damage: bytes) -> None:
         ({"mode": "SPIRALS"}, "unknown mode: SPIRALS"),
         ({"mode": 3}, "unknown mode: 3"),
         ({"filter": "SEPIA"}, "unknown filter: SEPIA"),
-        ({"filter": []}, "unknown filter: list"),
+        ({"filter": []}, "unknown filter: a list"),
         ({"byteStride": 10}, "have no stride of 10 bytes"),
         ({"byteStride": 260}, "have no stride of 260 bytes"),
         ({"byteStride": 0}, "have no stride of 0 bytes"),

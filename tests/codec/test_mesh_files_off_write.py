@@ -36,7 +36,7 @@ def again(mesh: Mesh) -> tuple[str, Mesh, tuple[str, ...]]:
     written = write_off(Scene.of(mesh), "a.off")
     source = Source("a.off", ".off", written.data)
     found = read_off(source, FileLimits()).mesh()
-    assert source.notes == []
+    assert [note for note in source.notes if "cross themselves" not in note] == []  # as random polygons may
     assert written.companions == {}
     return written.data.split()[0].decode(), found, written.notes
 

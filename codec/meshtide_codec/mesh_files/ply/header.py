@@ -25,7 +25,7 @@ LONGEST_COUNT = 18
 _MARK = b"\xef\xbb\xbf"
 _SHOWN = 80
 _BLANKS = "\t\n\v\f\r "
-_COMMENTS = ("comment", "obj_info")
+_COMMENT = re.compile(r"(comment|obj_info)([\t-\r ]|\Z)", re.IGNORECASE)
 _LINE_END = re.compile(rb"\r\n?|\n")
 _CARRIAGE_RETURN = re.compile(rb"\r")
 ByteOrder = Literal["=", "<", ">"]
@@ -138,7 +138,7 @@ def read_header(data: bytes | memoryview) -> PlyHeader:
     notes: list[str] = []
     for number, end, line in _lines(data):
         words = line.split()
-        if CONTROL.search(line.encode()) and words[0].lower() not in _COMMENTS:
+        if CONTROL.search(line.encode()) and _COMMENT.match(line) is None:
             raise MeshFileError(f"line {number} of the PLY header has a control byte: {line[:_SHOWN]!r}")
         match [words[0].lower(), *words[1:]] if words else []:
             case ["ply"] if number == 1:
