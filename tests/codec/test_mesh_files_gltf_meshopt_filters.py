@@ -72,4 +72,5 @@ def test_colors_of_full_bits() -> None:
 @given(st.binary(min_size=16, max_size=16))
 def test_rows_of_any_bytes_pass_without_a_warning(data: bytes) -> None:
     for name, stride in TYPES:
-        applied(name, np.frombuffer(data, np.uint8).reshape(-1, stride))
+        rows = np.frombuffer(data, np.uint8).reshape(-1, stride)
+        assert applied(name, rows).nbytes == rows.nbytes

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 
 import meshtide_client
+from hosted_folder import serving
 from meshes import grid
 from meshtide_client.link.lossy_link import LossyLink, receive
 from meshtide_codec.classic.options import ClassicOptions
@@ -46,13 +45,8 @@ def _url(encoded_streams: dict[str, EncodedMesh], tmp_path_factory: pytest.TempP
     folder = tmp_path_factory.mktemp("lossy")
     for name, encoded in encoded_streams.items():
         (folder / f"{name}.tide").write_bytes(encoded.to_bytes())
-    command = [sys.executable, "-m", "meshtide_server", str(folder), "--port", "0", "--announce"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["url"]
-        finally:
-            process.terminate()
+    with serving(folder) as address:
+        yield address
 
 
 @pytest.mark.parametrize("name", STREAMS)

@@ -10,32 +10,18 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
+from hosted_folder import serving
 from meshes import grid
 from meshtide_codec.command_line import ExitCode
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 MESH = "patch"
 ODD_NAMES = (b"caf\xe9.tide", b"a\nb.tide", b"\x1b[31mred.tide", "\u202exe.tide".encode(), b"[bold]x[red].tide")
-
-
-@contextmanager
-def serving(folder: Path) -> Iterator[str]:
-    command = [sys.executable, "-m", "meshtide_server", str(folder), "--port", "0", "--announce"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["url"]
-        finally:
-            process.terminate()
 
 
 def test_of_four_fetches_into_one_file_one_wins_and_the_others_say_so(server: Any, meshtide: Any) -> None:

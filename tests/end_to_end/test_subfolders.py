@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import httpx
 
+from hosted_folder import serving
 from meshtide_codec.command_line import ExitCode
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "version-3"
@@ -21,17 +18,6 @@ FILES = {
     "scans/My Old/bunny": "compact-scattered-3",
 }
 IDS = {"vase": "vase", "scans/bunny": "scans/bunny", "scans/My Old/bunny": "scans/my-old/bunny"}
-
-
-@contextmanager
-def serving(folder: Path, *arguments: str) -> Iterator[str]:
-    command = [sys.executable, "-m", "meshtide_server", str(folder), "--port", "0", "--announce", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["url"]
-        finally:
-            process.terminate()
 
 
 def test_meshes_of_subfolders_are_listed_found_streamed_and_exported(meshtide: Any, tmp_path: Path) -> None:
