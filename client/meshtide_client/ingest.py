@@ -45,6 +45,7 @@ MOST_POLLS = 172_800
 """How often it is asked for at all: for a day."""
 LARGEST_JOB = 1 << 20
 _LONGEST_TEXT = 10_000
+_MOST_NOTES = 100
 _WAITING = frozenset({"queued", "running"})
 _ENDED = frozenset({"done", "failed"})
 _JOB = re.compile(r"[A-Za-z0-9-]{1,100}")
@@ -147,7 +148,7 @@ class _Upload:
                 polls, unchanged = polls + 1, (unchanged + 1 if job == before else 0)
         except (MeshtideError, OSError) as error:
             return Ingested(file, None, "failed", str(error))
-        return Ingested(file, job.mesh, job.state, job.error if job.state == "failed" else None)
+        return Ingested(file, job.mesh, job.state, job.error if job.state == "failed" else None, job.notes)
 
     def _send(self, sending: Sending) -> _Job:
         """Upload; what the server asks to wait with is sent again after a while."""
@@ -176,6 +177,7 @@ class _Job(NamedTuple):
     error: str | None
     stage: str
     progress: str
+    notes: tuple[str, ...]
 
 
 def _job(answer: Answer, before: _Job | None = None) -> _Job:
@@ -192,6 +194,7 @@ def _job(answer: Answer, before: _Job | None = None) -> _Job:
             error=_optional_text(value, "error"),
             stage=str(value.get("stage"))[:_LONGEST_TEXT],
             progress=str(value.get("progress"))[:_LONGEST_TEXT],
+            notes=_notes(value.get("notes")),
         )
         if not _JOB.fullmatch(job.id) or (before is not None and job.id != before.id):
             raise ValueError(job.id)
@@ -204,6 +207,12 @@ def _job(answer: Answer, before: _Job | None = None) -> _Job:
 
 def _optional_text(value: Any, name: str) -> str | None:  # noqa: ANN401 - anything may come
     return None if value.get(name) is None else plain_values.text(value[name], name, _LONGEST_TEXT)
+
+
+def _notes(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may come
+    """What a job notes of its file; older servers do not tell."""
+    lines = [] if value is None else plain_values.array(value, "notes")[:_MOST_NOTES]
+    return tuple(plain_values.text(line, "notes", _LONGEST_TEXT) for line in lines)
 
 
 def _pause(told: str) -> float | None:

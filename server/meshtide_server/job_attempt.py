@@ -66,6 +66,7 @@ class JobAttempt:
         self._stage = ("starting", 0.0)
         self._lost = False
         self._box: Box | None = None
+        self._notes: tuple[str, ...] = ()
         self._folder = ""
         """Where the upload lies here, which is not to be told to who sent it."""
 
@@ -113,12 +114,16 @@ class JobAttempt:
         return JobOutcome.DONE
 
     async def _failed(self, reason: str, *, retry: bool) -> JobOutcome:
-        reason = without_folders(reason, (*([Path(self._folder)] if self._folder else []), *folders_of(self._settings)))
+        reason = self._for_sender(reason)
         after = await self._kept.catalogue.jobs.fail(self._job.id, self._owner, reason, retry=retry)
         if after is None:
             return self._released()
         logger.warning("job %s of mesh %s failed: %s", self._job.id, self._job.mesh_id, reason)
         return JobOutcome.FAILED if after.state == JobState.FAILED else JobOutcome.RETRIED
+
+    def _for_sender(self, text: str) -> str:
+        """`text` without the places where files lie here."""
+        return without_folders(text, (*([Path(self._folder)] if self._folder else []), *folders_of(self._settings)))
 
     def _released(self) -> JobOutcome:
         logger.info("job %s is not wanted here any more: released, replaced, or its mesh deleted", self._job.id)
@@ -180,6 +185,8 @@ class JobAttempt:
                 self._stage = ("read the upload", 0.0)
                 await self._fetch(source)
                 stream = await self._encoded(encoder, source)
+            if self._notes:
+                await catalogue.jobs.note(self._job.id, self._owner, self._notes)
             self._stage = ("publish", 0.0)
             publication = Publication(mesh.id, mesh.name, mesh.tags, mesh.licence, mesh.source, self._box)
             owned = (self._job.id, self._owner)
@@ -213,6 +220,7 @@ class JobAttempt:
         if EncodingOptions.from_plain(done[0].options) != self._options:
             return None
         self._box = twin.box
+        self._notes = done[0].notes
         return await self._kept.store.get(stream_key(twin.stream))
 
     async def _encoded(self, encoder: EncoderProcess, source: Path) -> Path:
@@ -225,6 +233,7 @@ class JobAttempt:
         encoded = await encoder.encode(job, self._advance)
         for note in encoded.notes:
             logger.info("%s: %s", self._job.mesh_id, printable(note))
+        self._notes = tuple(map(self._for_sender, encoded.notes))
         self._box = encoded.box
         return target
 

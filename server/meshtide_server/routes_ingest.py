@@ -78,6 +78,7 @@ _EXAMPLE: dict[str, JsonValue] = {
     "progress": 0.6,
     "attempts": 1,
     "error": None,
+    "notes": ["texture coordinates (12), 2 materials: not kept"],
 }
 MeshId = Annotated[
     str, Path(description="Id of a mesh.", pattern=r"^[a-z0-9_][a-z0-9_-]{0,99}$", examples=["stanford-bunny"])
@@ -97,6 +98,7 @@ class JobStatus(BaseModel):
     progress: float = Field(description="The fraction of that stage that is done.", ge=0.0, le=1.0)
     attempts: int = Field(description="How often it was begun; one that dies is begun a second time.")
     error: str | None = Field(description="Why it failed, or why its first attempt did.")
+    notes: list[str] = Field(description="What of the file is not in the stream, or was read otherwise.")
 
     @classmethod
     def of(cls, job: Job) -> JobStatus:
@@ -109,6 +111,7 @@ class JobStatus(BaseModel):
             progress=job.progress,
             attempts=job.attempts,
             error=job.error,
+            notes=list(job.notes),
         )
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 JOB = {"id": "abc", "mesh": "vase", "state": "queued", "stage": "waiting", "progress": 0.0, "error": None}
+NOTES = ["normals (3): not kept", "x\x1b[31m"]
 NO_MESHES = Reply(200, b"[]")
 
 
@@ -78,6 +79,13 @@ def test_a_job_is_watched_until_it_is_done(coding: str, file: Path) -> None:
     assert asked[-3:] == ["GET /jobs/abc"] * 3
 
 
+def test_what_a_job_notes_of_its_file_is_told_within_reason(file: Path) -> None:
+    result, _ = answering(file, told(), lambda _: told(state="done", notes=NOTES))
+    assert result.notes == tuple(NOTES)
+    result, _ = answering(file, told(), lambda _: told(state="done", notes=["x"] * 1000))
+    assert len(result.notes) == 100
+
+
 @pytest.mark.parametrize(
     "body",
     [
@@ -89,6 +97,8 @@ def test_a_job_is_watched_until_it_is_done(coding: str, file: Path) -> None:
         json.dumps(JOB | {"state": 3}).encode(),
         json.dumps(JOB | {"state": "banana"}).encode(),
         json.dumps(JOB | {"mesh": ["vase"]}).encode(),
+        json.dumps(JOB | {"notes": "not kept"}).encode(),
+        json.dumps(JOB | {"notes": [1]}).encode(),
         json.dumps(JOB | {"state": "failed", "error": {"a": 1}}).encode(),
     ],
 )
