@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 from meshtide_client.folder_search import found_below, oddity
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import is_mesh_path
+from meshtide_codec.mesh_files.source import format_suffix
 from meshtide_codec.printable import listed_name, shown
 
 if TYPE_CHECKING:
@@ -180,4 +181,4 @@ class IngestPlan:
 
 
 def _is_hosted(file: Path) -> bool:
-    return file.suffix.lower() == ".tide" or (is_mesh_path(file) and file.suffix.lower() != ".gltf")
+    return file.suffix.lower() == ".tide" or (is_mesh_path(file) and format_suffix(file.name) != ".gltf")

@@ -14,7 +14,7 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshtideError
@@ -30,6 +30,7 @@ from meshtide_server.metrics import JobOutcome
 from meshtide_server.publishing import Publication, publish
 from meshtide_server.readiness import CHECK_SECONDS, check_store
 from meshtide_server.store import StoreError, stream_key
+from meshtide_server.store.keys import suffix_of
 from meshtide_server.stream_cache import file_digest
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ class JobAttempt:
         mesh = await catalogue.meshes.get(self._job.mesh_id)
         if self._job.told is not None:  # which the mesh that it replaces is not told yet
             mesh = replace(mesh, **self._job.told._asdict())
-        suffix = PurePosixPath(self._job.source_key).suffix
+        suffix = suffix_of(self._job.source_key)
         with tempfile.TemporaryDirectory(prefix="meshtide-job-") as folder:
             self._folder = folder
             source = Path(folder) / f"{mesh.id}{suffix}"
@@ -225,7 +226,7 @@ class JobAttempt:
 
     async def _encoded(self, encoder: EncoderProcess, source: Path) -> Path:
         """The stream of the upload, as a file in a folder beside it: encoded, or decoded to its end and found right."""
-        target = source.parent / "stream" / source.with_suffix(TIDE_SUFFIX).name
+        target = source.parent / "stream" / f"{self._job.mesh_id}{TIDE_SUFFIX}"
         digest = await asyncio.to_thread(file_digest, source)
         settings = self._settings
         limits = (settings.file_limits, settings.stream_limits)

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 from meshtide_codec.compact.effort import Effort  # noqa: TC001 - pydantic reads the annotations
 from meshtide_codec.errors import OptionError
+from meshtide_codec.file_suffix import split_name
 from meshtide_codec.quantize import LARGEST_B, SMALLEST_B
 from meshtide_server.access import require_read, require_write
 from meshtide_server.catalogue import JobState, MeshExistsError, MeshRecord, UnknownJobError, UnknownMeshError
@@ -170,12 +171,12 @@ async def upload(request: Request, response: Response, query: Query) -> JobStatu
 
     curl --data-binary @scan.ply -H "Authorization: Bearer TOKEN" "http://host:8000/meshes?filename=scan.ply"
     """
-    name = PurePosixPath(query.filename)
+    stem, suffix = split_name(query.filename)
     options = query.options(_settings(request))
     source = await _received(request, query)
-    taken = await _library(request).taken_ids(name.stem)
+    taken = await _library(request).taken_ids(stem)
     while True:
-        mesh_id = unique_id(name.stem, name.suffix.lower(), taken)
+        mesh_id = unique_id(stem, suffix.lower(), taken)
         try:
             return await _accepted(request, response, query.mesh(mesh_id, source), source, options, replace=False)
         except MeshExistsError:

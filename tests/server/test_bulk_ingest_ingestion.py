@@ -130,6 +130,17 @@ async def test_what_is_not_kept_of_a_file_is_told(ingest: Ingest) -> None:
     assert ingest.notes == [("cube.obj", note), ("cube.obj", "a second")]
 
 
+async def test_ids_of_packed_files_are_without_both_suffixes(ingest: Ingest) -> None:
+    names = ("scan.ply.gz", "scan.obj.gz", "scan.tide.gz")
+    told = await ingest.run([chosen(ingest.file(name, str(turn))) for turn, name in enumerate(names)])
+    assert {row[:3] for row in told} == {
+        ("scan.ply.gz", "scan", "done"),
+        ("scan.obj.gz", "scan-obj-gz", "done"),
+        ("scan.tide.gz", None, "failed"),
+    }
+    assert (await ingest.meshes())["scan"].name == "scan.ply.gz"
+
+
 async def test_files_that_fail_are_told_and_stop_no_other(ingest: Ingest) -> None:
     ingest.encoders.outcomes = {
         "bad.obj": FileOutcome(error="no mesh"),

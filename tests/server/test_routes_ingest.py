@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import socket
 import sqlite3
@@ -202,6 +203,15 @@ def test_what_is_not_kept_of_a_file_is_told_by_its_job_and_by_one_of_the_same_fi
     assert told == [[note]]
     plain = finished(server.url, post(server.url, "plain.obj", TETRAHEDRON.encode()).json()["id"])
     assert (plain["state"], plain["notes"]) == ("done", [])
+
+
+def test_a_packed_file_is_unpacked_and_named_without_both_suffixes(server: LiveServer) -> None:
+    job = post(server.url, "Scan.obj.gz", gzip.compress(TETRAHEDRON.encode())).json()
+    assert job["mesh"] == "scan"
+    assert finished(server.url, job["id"])["state"] == "done"
+    mesh = httpx.get(f"{server.url}/meshes/scan").json()
+    assert (mesh["name"], mesh["vertices"], mesh["faces"]) == ("Scan.obj.gz", 4, 4)
+    assert post(server.url, "scan.tide.gz", gzip.compress(make_stream())).status_code == 415
 
 
 def test_a_file_that_is_no_mesh_fails_and_stops_nobody(server: LiveServer) -> None:

@@ -13,6 +13,7 @@ import logging
 from typing import TYPE_CHECKING, Protocol
 
 from meshtide_codec.errors import MeshFileError, MeshtideError, TransferError
+from meshtide_codec.file_suffix import split_name
 from meshtide_codec.printable import listed_name
 from meshtide_server.bulk_ingest.encode_file import FileTask
 from meshtide_server.catalogue import DatabaseUnavailableError, MeshExistsError, MeshState
@@ -208,7 +209,7 @@ class Ingestion:
         return twin.id if twin is not None and twin.state == MeshState.READY else None
 
     def _free_id(self, file: Path) -> str:
-        found = unique_id(file.stem, file.suffix, self._taken)
+        found = unique_id(*split_name(file), self._taken)
         self._taken.add(found)
         return found
 
