@@ -16,11 +16,11 @@ from urllib.parse import quote
 import httpx
 
 from meshtide_client.address import ServerAddress
-from meshtide_client.credentials import find_token
+from meshtide_client.credentials import VARIABLE, find_token
 from meshtide_client.ingest_plan import Ingested, IngestPlan
 from meshtide_client.listing import list_meshes
 from meshtide_client.web_client import WebClient, refusal
-from meshtide_codec.errors import MeshtideError, ProtocolError, TransferError
+from meshtide_codec.errors import MeshtideError, PeerError, ProtocolError, TransferError
 from meshtide_codec.printable import listed_name
 from meshtide_codec.stream import plain_values
 
@@ -45,6 +45,7 @@ MOST_POLLS = 172_800
 """How often it is asked for at all: for a day."""
 LARGEST_JOB = 1 << 20
 _LONGEST_TEXT = 10_000
+_MOST_NOTES = 100
 _WAITING = frozenset({"queued", "running"})
 _ENDED = frozenset({"done", "failed"})
 _JOB = re.compile(r"[A-Za-z0-9-]{1,100}")
@@ -77,6 +78,7 @@ def ingest(
 
     Raises:
         OptionError, ProtocolError, TransferError: the server cannot be reached, or is none.
+        PeerError: it takes nothing without another token; the files that are left are not sent.
 
     Returns:
         What became of each file, in their order.
@@ -120,6 +122,10 @@ def _pool(parallel: int, upload: _Upload) -> Iterator[ThreadPoolExecutor]:
             raise
 
 
+class _UnauthorizedError(PeerError):
+    """The server takes another token, for this file and for all others."""
+
+
 class _Upload:
     """Uploads files, called from several threads."""
 
@@ -128,10 +134,17 @@ class _Upload:
         self._server = server
         self._jobs = f"{server.listing_url.rpartition('/')[0]}/jobs"
         self._options = options
+        self._refusal: _UnauthorizedError | None = None
         self.stop = Event()
 
     def __call__(self, sending: Sending) -> Ingested:
-        """Send a file and wait until the server has encoded it."""
+        """Send a file and wait until the server has encoded it.
+
+        Raises:
+            PeerError: the server takes nothing without another token; no further file is sent.
+        """
+        if self._refusal is not None:
+            raise self._refusal
         file = sending.file
         try:
             job = self._send(sending)
@@ -143,11 +156,13 @@ class _Upload:
                     waited = f"{(unchanged if polls < MOST_POLLS else polls) * POLL_SECONDS / 60:g} minutes"
                     message = f"job {job.id} has not come further for {waited}; the server may go on with it"
                     return Ingested(file, job.mesh, "failed", message)
-                before, job = job, _job(self._client.ask("GET", f"{self._jobs}/{job.id}", largest=LARGEST_JOB), job)
+                before, job = job, _job(self._ask("GET", f"{self._jobs}/{job.id}"), job)
                 polls, unchanged = polls + 1, (unchanged + 1 if job == before else 0)
+        except _UnauthorizedError:
+            raise
         except (MeshtideError, OSError) as error:
             return Ingested(file, None, "failed", str(error))
-        return Ingested(file, job.mesh, job.state, job.error if job.state == "failed" else None)
+        return Ingested(file, job.mesh, job.state, job.error if job.state == "failed" else None, job.notes)
 
     def _send(self, sending: Sending) -> _Job:
         """Upload; what the server asks to wait with is sent again after a while."""
@@ -158,13 +173,21 @@ class _Upload:
         params = {"filename": listed_name(sending.file), **self._options}
         while True:
             content = _pieces(sending.file)
-            answer = self._client.ask(method, url, largest=LARGEST_JOB, params=params, content=content)
+            answer = self._ask(method, url, params=params, content=content)
             pause = _pause(answer.headers.get("Retry-After", ""))
             if answer.status != httpx.codes.TOO_MANY_REQUESTS or left <= 0 or pause is None:
                 return _job(answer)
             left -= pause
             if self.stop.wait(pause):
                 raise TransferError("interrupted")
+
+    def _ask(self, method: str, url: str, **more: Any) -> Answer:  # noqa: ANN401 - httpx's
+        answer = self._client.ask(method, url, largest=LARGEST_JOB, **more)
+        if answer.status == httpx.codes.UNAUTHORIZED:
+            words = f"{self._server} does not know the token, or was sent none; set {VARIABLE} or --token-file"
+            self._refusal = _UnauthorizedError("unauthorized", words)
+            raise self._refusal
+        return answer
 
 
 class _Job(NamedTuple):
@@ -176,6 +199,7 @@ class _Job(NamedTuple):
     error: str | None
     stage: str
     progress: str
+    notes: tuple[str, ...]
 
 
 def _job(answer: Answer, before: _Job | None = None) -> _Job:
@@ -192,6 +216,7 @@ def _job(answer: Answer, before: _Job | None = None) -> _Job:
             error=_optional_text(value, "error"),
             stage=str(value.get("stage"))[:_LONGEST_TEXT],
             progress=str(value.get("progress"))[:_LONGEST_TEXT],
+            notes=_notes(value.get("notes")),
         )
         if not _JOB.fullmatch(job.id) or (before is not None and job.id != before.id):
             raise ValueError(job.id)
@@ -204,6 +229,12 @@ def _job(answer: Answer, before: _Job | None = None) -> _Job:
 
 def _optional_text(value: Any, name: str) -> str | None:  # noqa: ANN401 - anything may come
     return None if value.get(name) is None else plain_values.text(value[name], name, _LONGEST_TEXT)
+
+
+def _notes(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may come
+    """What a job notes of its file; older servers do not tell."""
+    lines = [] if value is None else plain_values.array(value, "notes")[:_MOST_NOTES]
+    return tuple(plain_values.text(line, "notes", _LONGEST_TEXT) for line in lines)
 
 
 def _pause(told: str) -> float | None:

@@ -1,7 +1,8 @@
-"""What `meshtide ingest` shows: a bar and the failures while it runs, a line or a JSON object at its end."""
+"""What `meshtide ingest` shows: a bar, failures and notes while it runs, a line or a JSON object at its end."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Self
 
 import typer
@@ -21,11 +22,11 @@ STATES = ("done", "kept", "failed", "left", "skipped")
 
 
 class IngestDisplay:
-    """A bar on standard error, and the failures above it; a context manager. Its methods may be called by any thread.
+    """A bar on standard error, failures and notes above it; a context manager. Any thread may call its methods.
 
     Args:
         total: how many files there are.
-        quiet: whether failures, and what is skipped, are left for the JSON object.
+        quiet: whether failures, notes, and what is skipped, are left for the JSON object.
     """
 
     def __init__(self, total: int, *, quiet: bool) -> None:
@@ -53,15 +54,17 @@ class IngestDisplay:
         """A file is through."""
         self._bar.advance(self._task)
         if result.state == "failed":
-            self._print(result, "red")
+            self._print(result, result.error, "red")
+        for note in result.notes:
+            self._print(result, note, "yellow")
 
     def skip(self, result: Ingested) -> None:
         """Something in a folder is no file, and not counted among them."""
-        self._print(result, "yellow")
+        self._print(result, result.error, "yellow")
 
-    def _print(self, result: Ingested, style: str) -> None:
+    def _print(self, result: Ingested, words: str | None, style: str) -> None:
         if not self._quiet:
-            self._console.print(printable(f"{result.file}: {result.error}"), style=style, markup=False, soft_wrap=True)
+            self._console.print(printable(f"{result.file}: {words}"), style=style, markup=False, soft_wrap=True)
 
     def stage(self, what: str) -> None:
         """Show what is being done, such as the compilation of kernels in a first run."""
@@ -78,7 +81,7 @@ def print_ingested(results: Sequence[Ingested], place: dict[str, str], *, as_jso
     """
     counts = {state: sum(result.state == state for result in results) for state in STATES}
     if as_json:
-        rows = [{"file": str(row.file), "mesh": row.mesh, "state": row.state, "error": row.error} for row in results]
+        rows = [{**asdict(row), "file": str(row.file)} for row in results]
         typer.echo(json_text({**place, **counts, "files": rows}))
     else:
         left = f", {counts['left']} not begun" if counts["left"] else ""

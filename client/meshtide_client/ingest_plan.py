@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 from meshtide_client.folder_search import found_below, oddity
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import is_mesh_path
+from meshtide_codec.mesh_files.source import format_suffix
 from meshtide_codec.printable import listed_name, shown
 
 if TYPE_CHECKING:
@@ -59,12 +60,14 @@ class Ingested:
         state: "done", "kept" for one whose content was there already, "failed", "left" for one that was not begun, or
             "skipped" for what lies in a folder and is no file.
         error: why it failed, was left or skipped.
+        notes: what of the file is not in the stream, or was read otherwise than it stands there.
     """
 
     file: Path
     mesh: str | None
     state: str
     error: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +166,7 @@ class IngestPlan:
         """Tell of the files whose content another one has, once it is known what became of that one."""
         for file, first in self._twins.items():
             result = results[first]
-            self._tell(replace(result, file=file, state=result.state if result.error else "kept"))
+            self._tell(replace(result, file=file, state=result.state if result.error else "kept", notes=()))
 
     def _to_replace(self, file: Path, same: Known | None) -> str | None:
         """The id of the mesh that `file` replaces; no mesh is replaced by two files."""
@@ -178,4 +181,4 @@ class IngestPlan:
 
 
 def _is_hosted(file: Path) -> bool:
-    return file.suffix.lower() == ".tide" or (is_mesh_path(file) and file.suffix.lower() != ".gltf")
+    return file.suffix.lower() == ".tide" or (is_mesh_path(file) and format_suffix(file.name) != ".gltf")

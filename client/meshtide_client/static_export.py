@@ -32,6 +32,7 @@ from meshtide_client.tide_address import SUFFIX, parse_address
 from meshtide_client.transport import Link
 from meshtide_codec.command_line import explanation
 from meshtide_codec.errors import ContainerError, MeshtideError, OptionError
+from meshtide_codec.file_suffix import split_name
 from meshtide_codec.json_text import json_text
 from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_codec.output_files import move_into_place
@@ -234,7 +235,7 @@ def _items(source: str, link: Link, notify: Callable[[str], None]) -> Iterable[_
 
 
 def _file_item(path: Path) -> _Item:
-    return _Item(_slug(path.stem), str(path), listed_name(path))
+    return _Item(_slug(split_name(path).stem), str(path), listed_name(path))
 
 
 def _address_item(url: str) -> _Item:

@@ -35,14 +35,14 @@ class StoreIngest(Protocol):
     def run(
         self,
         files: Iterable[Sending],
-        tell: Callable[[Path, str | None, str, str | None], None],
+        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
         stage: Callable[[str], None],
     ) -> None:
         """Encode files and publish them.
 
         Args:
             files: taken one by one, when there is somebody to encode them.
-            tell: is told of each file that is through: itself, its mesh, the state and the error of `Ingested`.
+            tell: is told of each file that is through: the fields of `Ingested`.
             stage: is told what is being done, now and then.
 
         Raises:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.errors import MeshError, OptionError, StreamError
+from meshtide_codec.file_suffix import split_name
 from meshtide_codec.mesh_files import is_mesh_path
-from meshtide_codec.mesh_files.source import GZIP_SUFFIX
 from meshtide_codec.output_files import STANDARD_OUTPUT
 from meshtide_codec.output_policy import REMEDY, output_file
 from meshtide_codec.printable import shown
@@ -46,7 +46,7 @@ def default_stream(mesh: Path) -> Path:
     """
     if str(mesh) == STANDARD_OUTPUT:
         return mesh
-    return (mesh.with_suffix("") if mesh.suffix.lower() == GZIP_SUFFIX else mesh).with_suffix(TIDE_SUFFIX)
+    return mesh.with_name(split_name(mesh).stem + TIDE_SUFFIX)
 
 
 def stream_target(mesh: Path, output: Path | None, *, overwrite: bool) -> OutputFile:

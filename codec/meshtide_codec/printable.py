@@ -10,6 +10,8 @@ from __future__ import annotations
 import unicodedata
 from typing import TYPE_CHECKING
 
+from meshtide_codec.file_suffix import split_name
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -75,8 +77,9 @@ def listed_name(path: Path) -> str:
     >>> print(listed_name(Path("scans/a\nb.ply")))
     a\nb.ply
     """
-    suffix = printable(path.suffix, LONGEST_SUFFIX)
-    return printable(path.name.removesuffix(path.suffix), LONGEST_NAME - len(suffix)) + suffix
+    stem, suffix = split_name(path)
+    suffix = printable(suffix, LONGEST_SUFFIX)
+    return printable(stem, LONGEST_NAME - len(suffix)) + suffix
 
 
 def encodable(text: str) -> str:

@@ -14,7 +14,7 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshtideError
@@ -30,6 +30,7 @@ from meshtide_server.metrics import JobOutcome
 from meshtide_server.publishing import Publication, publish
 from meshtide_server.readiness import CHECK_SECONDS, check_store
 from meshtide_server.store import StoreError, stream_key
+from meshtide_server.store.keys import suffix_of
 from meshtide_server.stream_cache import file_digest
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class JobAttempt:
         self._stage = ("starting", 0.0)
         self._lost = False
         self._box: Box | None = None
+        self._notes: tuple[str, ...] = ()
         self._folder = ""
         """Where the upload lies here, which is not to be told to who sent it."""
 
@@ -113,12 +115,16 @@ class JobAttempt:
         return JobOutcome.DONE
 
     async def _failed(self, reason: str, *, retry: bool) -> JobOutcome:
-        reason = without_folders(reason, (*([Path(self._folder)] if self._folder else []), *folders_of(self._settings)))
+        reason = self._for_sender(reason)
         after = await self._kept.catalogue.jobs.fail(self._job.id, self._owner, reason, retry=retry)
         if after is None:
             return self._released()
         logger.warning("job %s of mesh %s failed: %s", self._job.id, self._job.mesh_id, reason)
         return JobOutcome.FAILED if after.state == JobState.FAILED else JobOutcome.RETRIED
+
+    def _for_sender(self, text: str) -> str:
+        """`text` without the places where files lie here."""
+        return without_folders(text, (*([Path(self._folder)] if self._folder else []), *folders_of(self._settings)))
 
     def _released(self) -> JobOutcome:
         logger.info("job %s is not wanted here any more: released, replaced, or its mesh deleted", self._job.id)
@@ -171,7 +177,7 @@ class JobAttempt:
         mesh = await catalogue.meshes.get(self._job.mesh_id)
         if self._job.told is not None:  # which the mesh that it replaces is not told yet
             mesh = replace(mesh, **self._job.told._asdict())
-        suffix = PurePosixPath(self._job.source_key).suffix
+        suffix = suffix_of(self._job.source_key)
         with tempfile.TemporaryDirectory(prefix="meshtide-job-") as folder:
             self._folder = folder
             source = Path(folder) / f"{mesh.id}{suffix}"
@@ -180,6 +186,8 @@ class JobAttempt:
                 self._stage = ("read the upload", 0.0)
                 await self._fetch(source)
                 stream = await self._encoded(encoder, source)
+            if self._notes:
+                await catalogue.jobs.note(self._job.id, self._owner, self._notes)
             self._stage = ("publish", 0.0)
             publication = Publication(mesh.id, mesh.name, mesh.tags, mesh.licence, mesh.source, self._box)
             owned = (self._job.id, self._owner)
@@ -213,11 +221,12 @@ class JobAttempt:
         if EncodingOptions.from_plain(done[0].options) != self._options:
             return None
         self._box = twin.box
+        self._notes = done[0].notes
         return await self._kept.store.get(stream_key(twin.stream))
 
     async def _encoded(self, encoder: EncoderProcess, source: Path) -> Path:
         """The stream of the upload, as a file in a folder beside it: encoded, or decoded to its end and found right."""
-        target = source.parent / "stream" / source.with_suffix(TIDE_SUFFIX).name
+        target = source.parent / "stream" / f"{self._job.mesh_id}{TIDE_SUFFIX}"
         digest = await asyncio.to_thread(file_digest, source)
         settings = self._settings
         limits = (settings.file_limits, settings.stream_limits)
@@ -225,6 +234,7 @@ class JobAttempt:
         encoded = await encoder.encode(job, self._advance)
         for note in encoded.notes:
             logger.info("%s: %s", self._job.mesh_id, printable(note))
+        self._notes = tuple(map(self._for_sender, encoded.notes))
         self._box = encoded.box
         return target
 

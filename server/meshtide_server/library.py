@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from meshtide_codec.errors import MeshtideError
+from meshtide_codec.file_suffix import split_name
 from meshtide_codec.printable import printable
 from meshtide_codec.samples import sample_names
 from meshtide_server import metrics
@@ -191,7 +192,7 @@ class Library:
         path, directory = source.path, self._settings.directory
         if path is None or directory is None:
             return unique_id(source.name, "-sample", self._meshes)
-        return path_id(path.relative_to(directory).parts[:-1], path.stem, path.suffix, self._meshes)
+        return path_id(path.relative_to(directory).parts[:-1], *split_name(path), self._meshes)
 
     def _note_if_settled(self) -> None:
         if self._unfinished == 0:

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 from meshtide_codec.compact.effort import Effort  # noqa: TC001 - pydantic reads the annotations
 from meshtide_codec.errors import OptionError
+from meshtide_codec.file_suffix import split_name
 from meshtide_codec.quantize import LARGEST_B, SMALLEST_B
 from meshtide_server.access import require_read, require_write
 from meshtide_server.catalogue import JobState, MeshExistsError, MeshRecord, UnknownJobError, UnknownMeshError
@@ -78,6 +79,7 @@ _EXAMPLE: dict[str, JsonValue] = {
     "progress": 0.6,
     "attempts": 1,
     "error": None,
+    "notes": ["texture coordinates (12), 2 materials: not kept"],
 }
 MeshId = Annotated[
     str, Path(description="Id of a mesh.", pattern=r"^[a-z0-9_][a-z0-9_-]{0,99}$", examples=["stanford-bunny"])
@@ -97,6 +99,7 @@ class JobStatus(BaseModel):
     progress: float = Field(description="The fraction of that stage that is done.", ge=0.0, le=1.0)
     attempts: int = Field(description="How often it was begun; one that dies is begun a second time.")
     error: str | None = Field(description="Why it failed, or why its first attempt did.")
+    notes: list[str] = Field(description="What of the file is not in the stream, or was read otherwise.")
 
     @classmethod
     def of(cls, job: Job) -> JobStatus:
@@ -109,6 +112,7 @@ class JobStatus(BaseModel):
             progress=job.progress,
             attempts=job.attempts,
             error=job.error,
+            notes=list(job.notes),
         )
 
 
@@ -167,12 +171,12 @@ async def upload(request: Request, response: Response, query: Query) -> JobStatu
 
     curl --data-binary @scan.ply -H "Authorization: Bearer TOKEN" "http://host:8000/meshes?filename=scan.ply"
     """
-    name = PurePosixPath(query.filename)
+    stem, suffix = split_name(query.filename)
     options = query.options(_settings(request))
     source = await _received(request, query)
-    taken = await _library(request).taken_ids(name.stem)
+    taken = await _library(request).taken_ids(stem)
     while True:
-        mesh_id = unique_id(name.stem, name.suffix.lower(), taken)
+        mesh_id = unique_id(stem, suffix.lower(), taken)
         try:
             return await _accepted(request, response, query.mesh(mesh_id, source), source, options, replace=False)
         except MeshExistsError:

@@ -12,12 +12,13 @@ import hashlib
 import tempfile
 from dataclasses import dataclass
 from http import HTTPStatus
-from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, BinaryIO, cast
 
 from starlette.requests import ClientDisconnect
 
+from meshtide_codec.file_suffix import split_name
 from meshtide_codec.mesh_files import is_mesh_path
+from meshtide_codec.mesh_files.source import format_suffix
 from meshtide_server.catalogue.catalogue import UNUSED_FOR
 from meshtide_server.hosted_mesh import TIDE_SUFFIX
 from meshtide_server.problems import RefusedError
@@ -54,18 +55,20 @@ class Upload:
 
 
 def checked_suffix(filename: str) -> str:
-    """The suffix of an uploaded file, which tells its format.
+    """The suffix of an uploaded file, which tells its format, and whether a mesh file is packed by gzip.
 
     Raises:
         RefusedError: 415, no mesh is read from such a file.
 
-    >>> checked_suffix("Scan.PLY"), checked_suffix("scan.tide")
-    ('.ply', '.tide')
+    >>> checked_suffix("Scan.PLY"), checked_suffix("scan.ply.gz"), checked_suffix("scan.tide")
+    ('.ply', '.ply.gz', '.tide')
     """
-    suffix = PurePosixPath(filename).suffix.lower()
-    if suffix in REFUSED_SUFFIXES or not (suffix == TIDE_SUFFIX or is_mesh_path(Path(f"mesh{suffix}"))):
+    suffix = split_name(filename).suffix.lower()
+    name = f"mesh{suffix}"
+    if format_suffix(name) in REFUSED_SUFFIXES or not (suffix == TIDE_SUFFIX or is_mesh_path(name)):
         message = (
-            f"no mesh is read from files named *{suffix or filename[:50]}; send .ply, .obj, .off, .stl, .glb or .tide"
+            f"no mesh is read from files named *{suffix or filename[:50]}; send .ply, .obj, .off, .stl, .glb, one of "
+            "them with .gz, or .tide"
         )
         raise RefusedError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "unknown-format", message)
     return suffix

@@ -8,14 +8,17 @@ import pytest
 
 from meshtide_client import ingest as ingest_module
 from meshtide_client.ingest import LONGEST_PAUSE, POLL_SECONDS, WAITING_SECONDS, ingest
-from meshtide_codec.errors import TransferError
+from meshtide_codec.errors import PeerError, TransferError
 from scripted_server import Reply, scripted_server
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from meshtide_client.ingest_plan import Ingested
+
 JOB = {"id": "abc", "mesh": "vase", "state": "queued", "stage": "waiting", "progress": 0.0, "error": None}
+NOTES = ["normals (3): not kept", "x\x1b[31m"]
 NO_MESHES = Reply(200, b"[]")
 
 
@@ -78,6 +81,13 @@ def test_a_job_is_watched_until_it_is_done(coding: str, file: Path) -> None:
     assert asked[-3:] == ["GET /jobs/abc"] * 3
 
 
+def test_what_a_job_notes_of_its_file_is_told_within_reason(file: Path) -> None:
+    result, _ = answering(file, told(), lambda _: told(state="done", notes=NOTES))
+    assert result.notes == tuple(NOTES)
+    result, _ = answering(file, told(), lambda _: told(state="done", notes=["x"] * 1000))
+    assert len(result.notes) == 100
+
+
 @pytest.mark.parametrize(
     "body",
     [
@@ -89,6 +99,8 @@ def test_a_job_is_watched_until_it_is_done(coding: str, file: Path) -> None:
         json.dumps(JOB | {"state": 3}).encode(),
         json.dumps(JOB | {"state": "banana"}).encode(),
         json.dumps(JOB | {"mesh": ["vase"]}).encode(),
+        json.dumps(JOB | {"notes": "not kept"}).encode(),
+        json.dumps(JOB | {"notes": [1]}).encode(),
         json.dumps(JOB | {"state": "failed", "error": {"a": 1}}).encode(),
     ],
 )
@@ -143,6 +155,34 @@ def test_a_refusal_is_told_in_the_servers_words(file: Path) -> None:
     body = b'{"error": "read-only", "message": "this server takes no \\u001b[31muploads"}'
     result, _ = answering(file, Reply(403, body), lambda _: told())
     assert result.error == "this server takes no \\x1b[31muploads (read-only)"
+
+
+@pytest.mark.parametrize("parallel", [1, 3])
+def test_a_token_that_is_missing_is_told_once_and_ends_the_ingest(tmp_path: Path, parallel: int) -> None:
+    files = [tmp_path / f"{number}.ply" for number in range(20)]
+    for file in files:
+        file.write_bytes(file.name.encode())
+    sent: list[str] = []
+    shown: list[Ingested] = []
+
+    def answer(method: str, path: str) -> Reply:
+        if method == "GET":
+            return NO_MESHES
+        sent.append(path)
+        return Reply(401, b'{"error": "unauthorized", "message": "writing takes a token"}')
+
+    with (
+        scripted_server(answer) as url,
+        pytest.raises(PeerError, match="set MESHTIDE_TOKEN or --token-file"),
+    ):
+        ingest(files, url, timeout=5.0, parallel=parallel, progress=shown.append)
+    assert 1 <= len(sent) <= parallel
+    assert shown == []
+
+
+def test_a_token_that_ends_while_a_job_is_watched_ends_the_ingest(file: Path) -> None:
+    with pytest.raises(PeerError, match="set MESHTIDE_TOKEN or --token-file"):
+        answering(file, told(), lambda _: Reply(401, b""))
 
 
 def test_an_answer_without_end_is_cut_short(file: Path) -> None:

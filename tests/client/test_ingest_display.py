@@ -9,7 +9,7 @@ from meshtide_client.ingest_display import IngestDisplay, print_ingested
 from meshtide_client.ingest_plan import Ingested
 
 RESULTS = [
-    Ingested(Path("a.ply"), "a", "done"),
+    Ingested(Path("a.ply"), "a", "done", None, ("normals (3): not kept",)),
     Ingested(Path("b.ply"), "a", "kept"),
     Ingested(Path("[bold].ply"), None, "failed", "no [mesh]"),
 ]
@@ -36,8 +36,8 @@ def test_the_end_is_a_line_or_a_json_object(capsys: pytest.CaptureFixture[str]) 
         "left": 0,
         "skipped": 0,
         "files": [
-            {"file": "a.ply", "mesh": "a", "state": "done", "error": None},
-            {"file": "b.ply", "mesh": "a", "state": "kept", "error": None},
+            {"file": "a.ply", "mesh": "a", "state": "done", "error": None, "notes": ["normals (3): not kept"]},
+            {"file": "b.ply", "mesh": "a", "state": "kept", "error": None, "notes": []},
         ],
     }
 
@@ -52,7 +52,7 @@ def test_names_and_errors_steer_no_terminal(capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.parametrize("quiet", [False, True])
-def test_failures_are_told_as_they_come_unless_they_come_as_json(
+def test_failures_and_notes_are_told_as_they_come_unless_they_come_as_json(
     quiet: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with IngestDisplay(len(RESULTS), quiet=quiet) as display:
@@ -61,7 +61,7 @@ def test_failures_are_told_as_they_come_unless_they_come_as_json(
             display.tell(result)
     shown = capsys.readouterr()
     assert shown.out == ""
-    assert shown.err.strip() == ("" if quiet else "[bold].ply: no [mesh]")
+    assert shown.err.strip() == ("" if quiet else "a.ply: normals (3): not kept\n[bold].ply: no [mesh]")
 
 
 def test_a_person_sees_a_bar_with_what_is_being_done(

@@ -56,11 +56,11 @@ def decided(files: list[Path], known: list[Row], *, replace: bool = False) -> tu
 
 def test_folders_are_searched_and_files_are_taken_as_they_are_named(tmp_path: Path) -> None:
     (tmp_path / "deep").mkdir()
-    for name in ("b.obj", "a.ply", "deep/c.tide", "notes.txt", "d.gltf"):
+    for name in ("b.obj", "a.ply", "deep/c.tide", "notes.txt", "d.gltf", "e.gltf.gz", "f.stl.gz", "g.tide.gz"):
         (tmp_path / name).write_bytes(b"x")
     found = [str(file.relative_to(tmp_path)) for file in mesh_files([tmp_path, tmp_path / "notes.txt"])[0]]
-    assert found == ["a.ply", "b.obj", "deep/c.tide", "notes.txt"]
-    assert len(mesh_files([tmp_path, tmp_path / "a.ply"])[0]) == 3
+    assert found == ["a.ply", "b.obj", "deep/c.tide", "f.stl.gz", "notes.txt"]
+    assert len(mesh_files([tmp_path, tmp_path / "a.ply"])[0]) == 4
 
 
 def test_what_is_no_file_is_skipped_with_a_word(tmp_path: Path) -> None:

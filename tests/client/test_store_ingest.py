@@ -38,16 +38,16 @@ class Work:
     def run(
         self,
         files: Iterable[Sending],
-        tell: Callable[[Path, str | None, str, str | None], None],
+        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
         stage: Callable[[str], None],
     ) -> None:
         for sending in files:
             stage("read")
             assert len(sending.digest) == 64
             if "bad" in sending.file.name:
-                tell(sending.file, None, "failed", "no mesh")
+                tell(sending.file, None, "failed", "no mesh", ())
             else:
-                tell(sending.file, sending.file.stem, "done", None)
+                tell(sending.file, sending.file.stem, "done", None, (f"normals of {sending.file.stem}: not kept",))
 
 
 def test_the_server_s_package_offers_it() -> None:
@@ -75,9 +75,9 @@ def test_every_file_is_told_in_its_place(monkeypatch: pytest.MonkeyPatch, tmp_pa
     results = ingest_into_store(files, {"data": "kept"}, progress=told.append, stage=stages.append)
     assert set(stages) == {"read"}
     assert results == [
-        Ingested(files[0], "a", "done"),
+        Ingested(files[0], "a", "done", None, ("normals of a: not kept",)),
         Ingested(files[1], None, "failed", "no mesh"),
         Ingested(files[2], "a", "kept"),
-        Ingested(files[3], "d", "done"),
+        Ingested(files[3], "d", "done", None, ("normals of d: not kept",)),
     ]
     assert sorted(told, key=lambda row: row.file) == results

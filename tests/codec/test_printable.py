@@ -42,6 +42,11 @@ def test_any_text_becomes_one_bounded_line_that_any_stream_can_write(text: str, 
     assert shown.encode("utf-8").decode("utf-8") == shown
 
 
+def test_a_long_name_of_a_packed_file_keeps_both_suffixes() -> None:
+    name = listed_name(Path("x" * 300 + ".ply.gz"))
+    assert (len(name), name[-8:]) == (LONGEST_NAME, f"{ELLIPSIS}.ply.gz")
+
+
 @given(ANY_TEXT)
 def test_doing_it_twice_changes_nothing(text: str) -> None:
     assert printable(printable(text)) == printable(text)

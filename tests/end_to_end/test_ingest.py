@@ -85,8 +85,8 @@ def test_a_folder_is_uploaded_and_repeating_it_uploads_nothing(
         assert len(states(url)) == 10
         monkeypatch.setenv("MESHTIDE_TOKEN", "another-token-altogether")
         ran = meshtide("ingest", scans / "patch-5.ply", "--replace", "--server", url)
-        assert ran.returncode == 1
-        assert "token" in ran.stderr
+        assert ran.returncode == 5
+        assert "set MESHTIDE_TOKEN or --token-file" in ran.stderr
 
 
 def test_what_was_acknowledged_before_a_kill_is_encoded_after_it(tmp_path: Path, scans: Path) -> None:

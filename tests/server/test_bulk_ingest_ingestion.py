@@ -81,6 +81,7 @@ class Ingest:
         self.store: Any = MemoryStore()
         self.encoders = Encoders()
         self.told: list[Told] = []
+        self.notes: list[tuple[str, str]] = []
         self.settings = Settings(data=folder / "data", max_upload=100_000)
 
     def file(self, name: str, content: str) -> Path:
@@ -95,7 +96,8 @@ class Ingest:
         await Ingestion(self.store, self.catalogue, self.encoders, self.settings, **given).run(files)
         return sorted(self.told)
 
-    def tell(self, file: Path, mesh: str | None, state: str, error: str | None) -> None:
+    def tell(self, file: Path, mesh: str | None, state: str, error: str | None, notes: tuple[str, ...]) -> None:
+        self.notes += [(file.name, note) for note in notes]
         self.told.append((str(file.relative_to(self.folder / "scans")), mesh, state, error))
 
     async def meshes(self) -> dict[str, MeshRecord]:
@@ -119,6 +121,24 @@ async def test_files_become_meshes_with_ids_in_the_order_of_the_files(ingest: In
     mesh = meshes["scan-1-obj-3"]
     assert (mesh.name, mesh.tags, mesh.licence, mesh.source) == ("Scan 1.obj", ("scan",), "CC0", files[2].digest)
     assert await ingest.store.get(stream_key(mesh.stream or "")) == make_stream(2)
+
+
+async def test_what_is_not_kept_of_a_file_is_told(ingest: Ingest) -> None:
+    note = "texture coordinates (12), 2 materials: not kept"
+    ingest.encoders.outcomes = {"cube.obj": FileOutcome(make_stream(1), notes=(note, "a second"))}
+    await ingest.run([chosen(ingest.file(name, str(turn))) for turn, name in enumerate(("plain.obj", "cube.obj"))])
+    assert ingest.notes == [("cube.obj", note), ("cube.obj", "a second")]
+
+
+async def test_ids_of_packed_files_are_without_both_suffixes(ingest: Ingest) -> None:
+    names = ("scan.ply.gz", "scan.obj.gz", "scan.tide.gz")
+    told = await ingest.run([chosen(ingest.file(name, str(turn))) for turn, name in enumerate(names)])
+    assert {row[:3] for row in told} == {
+        ("scan.ply.gz", "scan", "done"),
+        ("scan.obj.gz", "scan-obj-gz", "done"),
+        ("scan.tide.gz", None, "failed"),
+    }
+    assert (await ingest.meshes())["scan"].name == "scan.ply.gz"
 
 
 async def test_files_that_fail_are_told_and_stop_no_other(ingest: Ingest) -> None:

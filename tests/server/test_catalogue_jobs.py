@@ -5,6 +5,7 @@ from datetime import timedelta
 
 import pytest
 
+from meshtide_codec.printable import LONGEST_TEXT
 from meshtide_server.catalogue import (
     Catalogue,
     Job,
@@ -15,6 +16,7 @@ from meshtide_server.catalogue import (
     UnknownJobError,
     UnknownMeshError,
 )
+from meshtide_server.catalogue.jobs import MOST_NOTES
 from meshtide_server.catalogue.rows import UNFINISHED
 
 NO_TIME = timedelta(0)
@@ -41,6 +43,19 @@ async def test_the_life_of_a_job(catalogue: Catalogue) -> None:
     assert (done.state, done.progress, done.owner) == (JobState.DONE, 1.0, None)
     assert done.finished is not None
     assert not await catalogue.jobs.heartbeat(job.id, "me", "late", 0.1)
+
+
+async def test_notes_of_a_file_are_kept_within_bounds_by_the_owner(catalogue: Catalogue) -> None:
+    job = await queued(catalogue)
+    assert job.notes == ()
+    await catalogue.jobs.claim("me")
+    assert not await catalogue.jobs.note(job.id, "you", ["late"])
+    assert await catalogue.jobs.note(job.id, "me", ["normals (3): not kept", "\x1b[31m"])
+    assert (await catalogue.jobs.get(job.id)).notes == ("normals (3): not kept", r"\x1b[31m")
+    assert await catalogue.jobs.note(job.id, "me", [f"{number:5000}" for number in range(MOST_NOTES + 3)])
+    notes = (await catalogue.jobs.get(job.id)).notes
+    assert (len(notes), notes[-1]) == (MOST_NOTES + 1, "and 3 more")
+    assert max(map(len, notes)) <= LONGEST_TEXT
 
 
 async def test_a_job_is_tried_twice(catalogue: Catalogue) -> None:

@@ -107,6 +107,14 @@ async def test_good_and_bad_neighbours(
     assert encoders[0].closed
 
 
+async def test_ids_of_packed_files_are_without_both_suffixes(folder: Path, encoders: list[FakeEncoder]) -> None:
+    for name in ("scan.obj.gz", "vase.PLY.gz", "vase.obj", "notes.gz"):
+        (folder / name).touch()
+    async with opened(directory=folder) as library:
+        assert set(await settled(library)) == {"scan", "vase", "vase-obj", "small"}
+    assert len(encoders) == 1
+
+
 async def test_a_stream_is_encoded_once(folder: Path, encoders: list[FakeEncoder]) -> None:
     (folder / "a.obj").write_text("v 0 0 0")
     for _ in range(2):

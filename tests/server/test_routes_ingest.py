@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import socket
 import sqlite3
@@ -187,6 +188,30 @@ def test_a_stream_that_is_not_what_it_says_replaces_nothing(server: LiveServer, 
     assert httpx.get(f"{server.url}/meshes/mine.tide").content == real_stream(4)
     box = httpx.get(f"{server.url}/meshes/mine").json()["box"]
     assert np.array_equal(box["minimum"], decode(real_stream(4)).vertices.min(axis=0))
+
+
+def test_what_is_not_kept_of_a_file_is_told_by_its_job_and_by_one_of_the_same_file(server: LiveServer) -> None:
+    data = f"vt 0 0\nvt 1 0\nvt 0 1\n{TETRAHEDRON.replace('f 1 3 2', 'f 1/1 3/2 2/3')}".encode()
+    for name in ("cube", "twin"):
+        job = finished(server.url, post(server.url, f"{name}.obj", data).json()["id"])
+        assert (job["mesh"], job["state"]) == (name, "done")
+        (note,) = job["notes"]
+        assert note.startswith("texture coordinates (")
+        assert note.endswith("not kept")
+    with httpx.stream("GET", f"{server.url}/jobs/{job['id']}/events", timeout=120) as events:
+        told = [json.loads(line[6:])["notes"] for line in events.iter_lines() if line.startswith("data: ")]
+    assert told == [[note]]
+    plain = finished(server.url, post(server.url, "plain.obj", TETRAHEDRON.encode()).json()["id"])
+    assert (plain["state"], plain["notes"]) == ("done", [])
+
+
+def test_a_packed_file_is_unpacked_and_named_without_both_suffixes(server: LiveServer) -> None:
+    job = post(server.url, "Scan.obj.gz", gzip.compress(TETRAHEDRON.encode())).json()
+    assert job["mesh"] == "scan"
+    assert finished(server.url, job["id"])["state"] == "done"
+    mesh = httpx.get(f"{server.url}/meshes/scan").json()
+    assert (mesh["name"], mesh["vertices"], mesh["faces"]) == ("Scan.obj.gz", 4, 4)
+    assert post(server.url, "scan.tide.gz", gzip.compress(make_stream())).status_code == 415
 
 
 def test_a_file_that_is_no_mesh_fails_and_stops_nobody(server: LiveServer) -> None:

@@ -43,7 +43,7 @@ def test_foreign_digests_are_refused(digest: str) -> None:
         source_key(digest, ".obj")
 
 
-@pytest.mark.parametrize("suffix", ["obj", "./x", ".tar.gz", ".", ".verylongsuffix"])
+@pytest.mark.parametrize("suffix", ["obj", "./x", ".gz.tar", ".tar.gz.gz", ".", ".verylongsuffix"])
 def test_foreign_suffixes_are_refused(suffix: str) -> None:
     with pytest.raises(InvalidKeyError, match="is not the suffix"):
         source_key(DIGEST, suffix)

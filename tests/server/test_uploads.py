@@ -80,7 +80,8 @@ async def test_an_upload_that_stands_still_is_refused(store: MemoryStore, catalo
 
 def test_formats_of_several_files_and_of_none_are_refused() -> None:
     assert checked_suffix("a.b.OBJ") == ".obj"
-    for name in ("a.gltf", "a.exe", "a", ".obj/", "obj"):
+    assert checked_suffix("a.b.OBJ.GZ") == ".obj.gz"
+    for name in ("a.gltf", "a.gltf.gz", "a.tide.gz", "a.gz", "a.ply.gz.gz", "a.exe", "a", ".obj/", "obj"):
         with pytest.raises(RefusedError) as refusal:
             checked_suffix(name)
         assert refusal.value.status == 415

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from meshtide_codec.errors import MeshFileError
+from meshtide_codec.file_suffix import GZIP_SUFFIX, split_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 STANDARD_INPUT = "-"
 GZIP_MAGIC = b"\x1f\x8b"
-GZIP_SUFFIX = ".gz"
 _PIECE = 1 << 20
 _LARGE = 1 << 20
 _HEAD = 1 << 12
@@ -109,10 +109,7 @@ def format_suffix(name: str) -> str:
     >>> format_suffix("scan.OBJ.gz"), format_suffix("scan.ply"), format_suffix("-")
     ('.obj', '.ply', '')
     """
-    path = Path(name)
-    if path.suffix.lower() == GZIP_SUFFIX:
-        path = path.with_suffix("")
-    return path.suffix.lower()
+    return split_name(name).suffix.lower().removesuffix(GZIP_SUFFIX)
 
 
 def open_source(path: Path | str, limits: FileLimits, *, kind: str | None = None, alone: bool = False) -> Source:

@@ -111,14 +111,15 @@ class BulkIngest:
     def run(
         self,
         files: Iterable[ChosenFile],
-        tell: Callable[[Path, str | None, str, str | None], None],
+        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
         stage: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Encode files and publish them.
 
         Args:
             files: taken one by one, in another thread, when there is somebody to encode them.
-            tell: is told of each file that is through: itself, its mesh, "done", "kept", "failed" or "left", and why.
+            tell: is told of each file that is through: itself, its mesh, "done", "kept", "failed" or "left", why, and
+                what of it is not kept.
             stage: is told what a worker of this machine does, now and then.
 
         Raises:
@@ -136,7 +137,7 @@ class BulkIngest:
     async def _run(
         self,
         files: Iterable[ChosenFile],
-        tell: Callable[[Path, str | None, str, str | None], None],
+        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
         stage: Callable[[str], None],
     ) -> None:
         async with AsyncExitStack() as stack:

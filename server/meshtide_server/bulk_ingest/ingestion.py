@@ -13,7 +13,8 @@ import logging
 from typing import TYPE_CHECKING, Protocol
 
 from meshtide_codec.errors import MeshFileError, MeshtideError, TransferError
-from meshtide_codec.printable import listed_name, printable
+from meshtide_codec.file_suffix import split_name
+from meshtide_codec.printable import listed_name
 from meshtide_server.bulk_ingest.encode_file import FileTask
 from meshtide_server.catalogue import DatabaseUnavailableError, MeshExistsError, MeshState
 from meshtide_server.encoder_process import ProcessLimits
@@ -81,7 +82,8 @@ class Ingestion:
         tags: of all meshes.
         licence: the text of their terms.
         taken: ids that are not free.
-        tell: is told of each file that is through: itself, its mesh, "done", "kept", "failed" or "left", and why.
+        tell: is told of each file that is through: itself, its mesh, "done", "kept", "failed" or "left", why, and
+            what of it is not kept.
     """
 
     def __init__(
@@ -94,7 +96,7 @@ class Ingestion:
         tags: tuple[str, ...],
         licence: str,
         taken: set[str],
-        tell: Callable[[Path, str | None, str, str | None], None],
+        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
     ) -> None:
         self._store = store
         self._catalogue = catalogue
@@ -132,42 +134,42 @@ class Ingestion:
     async def _ingest(self, chosen: ChosenFile, mesh_id: str) -> None:
         """Publish a file, and tell what became of it."""
         if self._stopped is not None:
-            self._tell(chosen.file, None, "left", f"not begun: {self._stopped}")
+            self._tell(chosen.file, None, "left", f"not begun: {self._stopped}", ())
             return
         try:
-            found, state = await self._published(chosen, mesh_id)
+            found, state, notes = await self._published(chosen, mesh_id)
         except (TransferError, DatabaseUnavailableError) as error:
             self._stopped = self._stopped or str(error)
-            self._tell(chosen.file, None, "failed", str(error))
+            self._tell(chosen.file, None, "failed", str(error), ())
         except (MeshtideError, OSError) as error:
-            self._tell(chosen.file, None, "failed", str(error))
+            self._tell(chosen.file, None, "failed", str(error), ())
         except Exception as error:  # one file must not end the work on all others
             logger.exception("while %s was ingested", chosen.file)
-            self._tell(chosen.file, None, "failed", f"internal error: {type(error).__name__}")
+            self._tell(chosen.file, None, "failed", f"internal error: {type(error).__name__}", ())
         else:
-            self._tell(chosen.file, found, state, None)
+            self._tell(chosen.file, found, state, None, notes)
 
-    async def _published(self, chosen: ChosenFile, mesh_id: str) -> tuple[str, str]:
-        """The id under which the file's mesh is in the catalogue, and whether it was "kept" or is "done"."""
+    async def _published(self, chosen: ChosenFile, mesh_id: str) -> tuple[str, str, tuple[str, ...]]:
+        """The id under which the file's mesh is in the catalogue, whether it was "kept" or is "done", and the notes."""
         checked_suffix(chosen.file.name)
         size = (await asyncio.to_thread(chosen.file.stat)).st_size
         if size > self._settings.max_upload:
             most = self._settings.max_upload
             raise MeshFileError(f"{chosen.file} has {size} bytes; {most} are taken (MESHTIDE_MAX_UPLOAD)")
         if chosen.mesh is None and (twin := await self._ready_twin(chosen)) is not None:
-            return twin, "kept"
-        stream, box = await self._encoded(chosen)
+            return twin, "kept", ()
+        stream, box, notes = await self._encoded(chosen)
         for pause in PAUSES:
             try:
                 async with self._publishers:
-                    return await self._show(chosen, mesh_id, stream, box)
+                    return *await self._show(chosen, mesh_id, stream, box), notes
             except (TransferError, DatabaseUnavailableError) as error:
                 logger.warning("%s cannot be published now: %s", chosen.file, error)
                 await asyncio.sleep(pause)
         async with self._publishers:
-            return await self._show(chosen, mesh_id, stream, box)
+            return *await self._show(chosen, mesh_id, stream, box), notes
 
-    async def _encoded(self, chosen: ChosenFile) -> tuple[bytes, Box | None]:
+    async def _encoded(self, chosen: ChosenFile) -> tuple[bytes, Box | None, tuple[str, ...]]:
         settings = self._settings
         task = FileTask(
             chosen.file.absolute(),
@@ -182,9 +184,7 @@ class Ingestion:
         outcome = await self._encoders.encode(task)
         if outcome.stream is None:
             raise MeshFileError(outcome.error or _changed(chosen))
-        for note in outcome.notes:
-            logger.info("%s: %s", listed_name(chosen.file), printable(note))
-        return outcome.stream, outcome.box
+        return outcome.stream, outcome.box, outcome.notes
 
     async def _show(self, chosen: ChosenFile, mesh_id: str, stream: bytes, box: Box | None) -> tuple[str, str]:
         """Publish a stream; under another id, if somebody else has taken this one meanwhile."""
@@ -209,7 +209,7 @@ class Ingestion:
         return twin.id if twin is not None and twin.state == MeshState.READY else None
 
     def _free_id(self, file: Path) -> str:
-        found = unique_id(file.stem, file.suffix, self._taken)
+        found = unique_id(*split_name(file), self._taken)
         self._taken.add(found)
         return found
 

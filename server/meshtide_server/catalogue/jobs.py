@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import and_, exists, func, insert, select, update
 
+from meshtide_codec.printable import printable
 from meshtide_server.catalogue.errors import UnknownJobError
 from meshtide_server.catalogue.meshes import fail_mesh, get_mesh, micros, moment
 from meshtide_server.catalogue.rows import UNFINISHED, Job, JobState, Told, now
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 ATTEMPTS = 2
 """How often a job is begun at most."""
+MOST_NOTES = 20
+"""Lines that are kept of what was noted of a file."""
 _NOT_BEGUN: dict[str, Any] = {
     "state": JobState.QUEUED.value,
     "attempts": job_table.c.attempts - 1,
@@ -147,6 +150,23 @@ class Jobs:
         values = {"heartbeat": micros(now()), "stage": stage, "progress": min(max(progress, 0.0), 1.0)}
         async with self._database.writing() as connection:
             return await _update_owned(connection, job_id, owner, values)
+
+    async def note(self, job_id: str, owner: str, notes: Sequence[str]) -> bool:
+        """Keep what whoever sent the file should know of it, in place of what was noted before.
+
+        Args:
+            job_id: the job.
+            owner: who works on it.
+            notes: lines; no more than `MOST_NOTES` are kept, and one that tells of the rest.
+
+        Returns:
+            Whether the job was the owner's; if not, nothing was noted.
+        """
+        kept = [printable(note) for note in notes[:MOST_NOTES]]
+        if len(notes) > MOST_NOTES:
+            kept.append(f"and {len(notes) - MOST_NOTES} more")
+        async with self._database.writing() as connection:
+            return await _update_owned(connection, job_id, owner, {"notes": json.dumps(kept)})
 
     async def finish(self, job_id: str, owner: str) -> bool:
         """Note that a job is done.
@@ -321,6 +341,7 @@ def _job(row: RowMapping) -> Job:
         created=moment(row["created"]),
         finished=None if row["finished"] is None else moment(row["finished"]),
         told=None if row["told"] is None else _told(json.loads(row["told"])),
+        notes=() if row["notes"] is None else tuple(json.loads(row["notes"])),
     )
 
 

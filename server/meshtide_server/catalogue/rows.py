@@ -141,6 +141,7 @@ class Job:
         created: when it was queued.
         finished: when it was done or failed for good.
         told: of the mesh, once its stream has replaced the one that is there; None if there is none.
+        notes: what of the file is not in the stream, or was read otherwise than it stands there.
     """
 
     id: str
@@ -157,6 +158,7 @@ class Job:
     created: datetime = field(default_factory=now)
     finished: datetime | None = None
     told: Told | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

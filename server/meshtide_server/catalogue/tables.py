@@ -74,6 +74,7 @@ job_table = Table(
     Column("created", BigInteger, nullable=False),
     Column("finished", BigInteger),
     Column("told", Text),
+    Column("notes", Text),
 )
 
 unused_table = Table(  # streams in the store that no mesh needs: not yet, or not any more

@@ -18,7 +18,7 @@ SOURCES = "sources"
 """The folder of uploaded files."""
 _SEGMENT = re.compile(r"[a-z0-9][a-z0-9._-]*", re.ASCII)
 _DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
-_SUFFIX = re.compile(r"(?:\.[a-z0-9]{1,10})?", re.ASCII)
+_SUFFIX = re.compile(r"(?:\.[a-z0-9]{1,10}(?:\.gz)?)?", re.ASCII)
 
 
 def check_key(key: str) -> str:
@@ -74,18 +74,28 @@ def source_key(sha256: str, suffix: str) -> str:
 
     Args:
         sha256: of the file, in hexadecimal.
-        suffix: of its name, such as ".obj"; capitals become small.
+        suffix: of its name, such as ".obj" or ".obj.gz"; capitals become small.
 
     Raises:
         InvalidKeyError: it is not a digest, or not a suffix.
 
-    >>> source_key("0a" * 32, ".OBJ")[-8:]
-    '0a0a.obj'
+    >>> source_key("0a" * 32, ".OBJ")[-8:], suffix_of(source_key("0a" * 32, ".obj.gz"))
+    ('0a0a.obj', '.obj.gz')
     """
     small = suffix.lower()
     if not _SUFFIX.fullmatch(small):
         raise InvalidKeyError(f"{suffix!r} is not the suffix of a file's name")
     return f"{SOURCES}/{_checked_digest(sha256)}{small}"
+
+
+def suffix_of(key: str) -> str:
+    """The suffix of an uploaded file, from its key.
+
+    >>> suffix_of(source_key("0a" * 32, "")), suffix_of(source_key("0a" * 32, ".ply"))
+    ('', '.ply')
+    """
+    _, dot, suffix = key.rpartition("/")[2].partition(".")
+    return dot + suffix
 
 
 def digest_of(key: str) -> str | None:
