@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshFileError, OptionError
-from meshtide_codec.file_suffix import GZIP_SUFFIX, format_suffix
+from meshtide_codec.file_suffix import GZIP_SUFFIX
 from meshtide_codec.mesh_files.formats import Written, writer_of
 from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.other_formats import write_other
+from meshtide_codec.mesh_files.source import format_suffix
 from meshtide_codec.output_files import (
     STANDARD_OUTPUT,
     is_standard_output,
