@@ -28,7 +28,7 @@ def test_a_worker_that_is_killed_costs_no_file(tmp_path: Path) -> None:
     (tmp_path / "scans" / "bad.obj").write_text("no mesh")
     work = BulkIngest(data=tmp_path / "kept", bits=BITS, profile=PROFILE, workers=2)
     assert work.known() == ()
-    told: dict[Path, tuple[str | None, str, str | None]] = {}
+    told: dict[Path, tuple[str | None, str, str | None, tuple[str, ...]]] = {}
     killed: list[int] = []
 
     def tell(file: Path, *rest: Any) -> None:
@@ -40,7 +40,7 @@ def test_a_worker_that_is_killed_costs_no_file(tmp_path: Path) -> None:
     work.run((chosen(file) for file in [*files, tmp_path / "scans" / "bad.obj"]), tell)
     assert len(killed) == 1
     assert encoder_processes() == []
-    assert {file.name for file, (_, state, _) in told.items() if state != "done"} == {"bad.obj"}
+    assert {file.name for file, (_, state, *_) in told.items() if state != "done"} == {"bad.obj"}
     assert "no vertices" in (told[tmp_path / "scans" / "bad.obj"][2] or "")
     found = kept_in(tmp_path / "kept")
     assert found.streams == {file.stem: expected_stream(file) for file in files}

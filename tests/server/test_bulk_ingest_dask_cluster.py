@@ -44,7 +44,7 @@ def test_a_hundred_meshes_on_two_workers_of_which_one_is_killed(tmp_path: Path, 
     files = small_meshes(tmp_path / "scans", 100)
     expected = {file.stem: expected_stream(file) for file in files}  # first: this compiles the kernels, if need be
     work = BulkIngest(data=tmp_path / "kept", bits=BITS, profile=PROFILE, scheduler=cluster.address)
-    told: list[tuple[Path, str | None, str, str | None]] = []
+    told: list[tuple[Path, str | None, str, str | None, tuple[str, ...]]] = []
 
     def tell(*what: Any) -> None:
         told.append(what)
@@ -52,7 +52,7 @@ def test_a_hundred_meshes_on_two_workers_of_which_one_is_killed(tmp_path: Path, 
             os.kill(cluster.workers[0], signal.SIGKILL)
 
     work.run((chosen(file) for file in files), tell)
-    assert sorted(told) == [(file, file.stem, "done", None) for file in files]
+    assert sorted(told) == [(file, file.stem, "done", None, ()) for file in files]
     found = kept_in(tmp_path / "kept")
     assert found.streams == expected
     assert found.keys == found.expected_keys
