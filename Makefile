@@ -32,8 +32,8 @@ test: lint ## Linters, types and all tests.
 fuzz: $(VENV)/test.done ## Damaged files, streams, requests and messages, FUZZ_SECONDS of each.
 	$(BIN)/python tests/bench/fuzz_mesh_files.py --seconds $(FUZZ_SECONDS)
 	$(BIN)/python tests/bench/fuzz_streams.py --seconds $(FUZZ_SECONDS)
-	$(BIN)/python tests/bench/load/fuzz_http.py --seconds $(FUZZ_SECONDS)
-	$(BIN)/python tests/bench/load/fuzz_websocket.py --seconds $(FUZZ_SECONDS)
+	$(BIN)/python tests/bench/load/fuzz_http.py --requests 0 --seconds $(FUZZ_SECONDS)
+	$(BIN)/python tests/bench/load/fuzz_websocket.py --messages 0 --seconds $(FUZZ_SECONDS)
 
 clean: ## Remove the virtual environment and all caches.
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis demo-output
