@@ -5,15 +5,17 @@ Every entry point of the group ``meshtide.commands`` names a function that takes
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.metadata import entry_points, version
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
 from meshtide_codec.command_line import ExitCode, run
 
 _GROUP = "meshtide.commands"
+_S3_LIBRARY = "obstore"
 _ORDER = ("codec", "server", "client")
 
 
@@ -39,7 +41,22 @@ def main() -> None:
         app = build()
     except KeyboardInterrupt:
         sys.exit(ExitCode.INTERRUPTED)
-    run(app)
+    try:
+        run(app)
+    except SystemExit as ending:
+        if _S3_LIBRARY in sys.modules:
+            _leave_at_once(ending.code)
+        raise
+
+
+def _leave_at_once(code: str | int | None) -> NoReturn:
+    """End the process without taking the interpreter apart.
+
+    The threads of the library for S3 may ask for the interpreter while it ends, which aborts the process now and then.
+    Files are closed by then, and standard output is written (`command_line.run`).
+    """
+    sys.stderr.flush()
+    os._exit(code if isinstance(code, int) else ExitCode.OK if code is None else ExitCode.FAILURE)
 
 
 def _place(name: str) -> tuple[int, str]:
