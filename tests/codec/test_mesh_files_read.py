@@ -14,7 +14,7 @@ from meshes import grid
 from meshtide_codec.errors import MeshError, MeshFileError
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.mesh_files import is_mesh_path, load_mesh, load_scene, mesh_of
+from meshtide_codec.mesh_files import is_mesh_path, load_mesh, load_scene, mesh_of, save_mesh
 from meshtide_codec.mesh_files.formats import SUFFIXES, content_kind, reader_of, writer_of
 from meshtide_codec.mesh_files.read import read_source
 from meshtide_codec.mesh_files.source import Source
@@ -188,3 +188,14 @@ def test_reading_takes_at_most_six_times_the_file(kind: str) -> None:
         assert tracemalloc.get_traced_memory()[1] < 6 * len(data)
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("kind", ["ply", "stl", "glb"])
+def test_a_signalling_nan_is_refused_without_a_warning(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{kind}"
+    save_mesh(Mesh.checked([[7.5, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), path)
+    kept = np.float64(7.5).tobytes() if kind == "ply" else np.float32(7.5).tobytes()
+    signalling = (b"\0" * 6 + b"\xf4\x7f")[-8:] if kind == "ply" else b"\0\0\xa0\x7f"
+    path.write_bytes(path.read_bytes().replace(kept, signalling))
+    with pytest.raises(MeshError, match="vertex 0 is not finite"):
+        mesh_of(load_scene(path))

@@ -98,7 +98,8 @@ def read_source(source: Source, limits: FileLimits) -> Scene:
     if not source.suffix:
         raise MeshFileError("its name does not tell the format; --format names it, such as ply or obj")
     reader = reader_of(source.suffix) or read_other
-    scene = reader(source, limits)
+    with np.errstate(invalid="ignore", over="ignore"):  # numbers that are none are refused by the name of their vertex
+        scene = reader(source, limits)
     limits.check_counts(*scene.counts())
     return replace(scene, notes=(*scene.notes, *source.notes))
 
@@ -115,7 +116,8 @@ def mesh_of(scene: Scene, name: Path | str = "", *, keep_unreferenced: bool = Fa
         MeshError: there are no faces in it, or a coordinate of a vertex that is used is not finite.
     """
     try:
-        return _checked(scene.mesh(), scene.notes, keep_unreferenced=keep_unreferenced)
+        with np.errstate(invalid="ignore", over="ignore"):
+            return _checked(scene.mesh(), scene.notes, keep_unreferenced=keep_unreferenced)
     except MeshError as error:
         raise type(error)(f"{name}: {error}" if name else str(error)) from error
 
