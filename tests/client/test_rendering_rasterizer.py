@@ -3,10 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
-from meshes import grid, random_meshes, shapes, tetrahedron
-from meshtide_client.rendering import raster_kernels
+from meshes import random_meshes, shapes, tetrahedron
 from meshtide_client.rendering.rasterizer import LARGEST_SIZE, PAPER, render
 from meshtide_client.rendering.view import MARGIN, Frame, View
 from meshtide_codec.errors import OptionError
@@ -14,55 +12,6 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.sphere import paper_sphere
 
 FRONT = View(0, 0)
-
-
-def owners(points: np.ndarray, faces: np.ndarray, side: int) -> np.ndarray:
-    """Which face each of side x side pixels shows."""
-    depths, shown = np.full((side, side), -np.inf), np.full((side, side), -1, np.int32)
-    raster_kernels.draw_faces(points, faces, depths, shown, np.zeros((side, side, 2)))
-    return shown
-
-
-def facing(depths: tuple[float, ...], side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles, one behind the other, that cover the upper left half of a square of pixels."""
-    corner = np.array([[0.0, 0.0], [0.0, float(side)], [float(side), 0.0]])
-    points = [np.column_stack([corner, np.full(3, depth)]) for depth in depths]
-    return np.concatenate(points), np.arange(3 * len(depths)).reshape(-1, 3)
-
-
-@pytest.mark.parametrize("depths", [(1.0, 2.0, 3.0), (3.0, 2.0, 1.0), (1.0, 3.0, 2.0)])
-def test_the_nearest_face_hides_the_others(depths: tuple[float, ...]) -> None:
-    y, x = np.mgrid[:16, :16] + 0.5
-    np.testing.assert_array_equal(owners(*facing(depths, 16), 16), np.where(x + y <= 16, int(np.argmax(depths)), -1))
-
-
-def test_of_equal_faces_the_first_is_shown() -> None:
-    assert set(owners(*facing((2.0, 2.0), 16), 16).ravel()) == {-1, 0}
-
-
-def test_faces_that_cross_hide_each_other_in_part() -> None:
-    points, faces = facing((0.0, 0.0), 16)
-    points[:3, 2] = [0.0, 0.0, 16.0]  # rises to the right
-    points[3:, 2] = 5.0
-    assert owners(points, faces, 16)[0].tolist() == [1] * 5 + [0] * 11
-
-
-def test_faces_out_of_the_picture_and_without_area_are_skipped() -> None:
-    points = np.array([[-50.0, -50, 0], [-40, -50, 0], [-50, -40, 0], [2, 2, 0], [5, 5, 0], [9, 9, 0]])
-    points = np.concatenate([points, points[:3] + 1e12])
-    assert (owners(points, np.array([[0, 1, 2], [3, 4, 5], [6, 7, 8]]), 16) == -1).all()
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_no_pixel_falls_between_faces_that_share_an_edge(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    side = 32
-    u, v = np.meshgrid(np.arange(9.0), np.arange(9.0), indexing="ij")
-    jitter = rng.uniform(-0.3, 0.3, (2, 9, 9))
-    jitter[:, [0, -1]] = jitter[:, :, [0, -1]] = 0.0
-    points = np.stack([(u + jitter[0]) * 4, (v + jitter[1]) * 4, rng.random((9, 9))], axis=-1).reshape(-1, 3)
-    faces = grid(9).faces
-    assert (owners(points, faces[rng.permutation(len(faces))], side) >= 0).all()
 
 
 def test_the_silhouette_of_a_sphere_is_a_disc() -> None:
