@@ -173,7 +173,7 @@ def _altitudes(points: Floats, faces: Integers, normals: Floats) -> Floats:
 
 
 def _side(start: Floats, end: Floats) -> Floats:
-    """A, B, C (m, 3) of A x + B y + C: twice the area between edge and (x, y), exactly minus that of the turned edge."""
+    """A, B, C (m, 3) of A x + B y + C: twice the area between edge and (x, y), exactly minus the turned edge's."""
     return np.stack(
         [start[:, 1] - end[:, 1], end[:, 0] - start[:, 0], start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]], axis=1
     )
