@@ -51,7 +51,8 @@ class Buffers:
     limits: FileLimits
     _buffers: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
     _beside: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
-    _unpacked: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
+    _views: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
+    _lengths: dict[int, int] = field(default_factory=dict)
     _held: int = 0
     _made: int = 0
 
@@ -61,8 +62,11 @@ class Buffers:
         Raises:
             MeshFileError: there is no such view, its bytes are missing, or it is damaged.
         """
-        if index in self._unpacked:
-            return self._unpacked[index]
+        if index not in self._views:
+            self._views[index] = self._view(index, where)
+        return self._views[index]
+
+    def _view(self, index: int, where: str) -> NDArray[np.uint8]:
         row = self.document.row("bufferViews", index, where)
         place = f"bufferViews[{index}]"
         compressed = packed(row, place)
@@ -71,13 +75,15 @@ class Buffers:
             return self._part(integer(row, "buffer", place), integer(row, "byteOffset", place, 0), length, place)
         data = self._part(compressed.buffer, compressed.offset, compressed.length, f"{compressed.name} of {place}")
         self.take(length, f"{compressed.name} of {place}")
-        self._unpacked[index] = compressed.decoded(data)
-        return self._unpacked[index]
+        return compressed.decoded(data)
 
     def view_bytes(self, index: int, where: str) -> int:
         """How many bytes a buffer view has, without a look at them."""
-        row = self.document.row("bufferViews", index, where)
-        place = f"bufferViews[{index}]"
+        if index not in self._lengths:
+            self._lengths[index] = self._length(self.document.row("bufferViews", index, where), f"bufferViews[{index}]")
+        return self._lengths[index]
+
+    def _length(self, row: Row, place: str) -> int:
         length = integer(row, "byteLength", place)
         compressed = packed(row, place)
         if compressed is not None and compressed.count * compressed.stride != length:

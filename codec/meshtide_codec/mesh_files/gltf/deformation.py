@@ -35,15 +35,17 @@ class Pose:
 
     Args:
         joints: (j, 4, 4), from the coordinates of the mesh to those of the scene.
+        mirrors: whether all joints turn the inside out.
         otherwise: (4, 4) for parts that have no joints.
     """
 
     joints: Floats
+    mirrors: bool
     otherwise: Floats
 
 
-def joint_matrices(document: Document, accessors: Accessors, skin: int, worlds: Sequence[Floats], node: int) -> Floats:
-    """The matrices (j, 4, 4) of the joints of a skin that a node names, in its bind pose.
+def bind_pose(document: Document, accessors: Accessors, skin: int, worlds: Floats, node: int) -> Pose:
+    """The bind pose of a skin that a node names, of the matrices (k, 4, 4) of all nodes.
 
     Raises:
         MeshFileError: the skin names what is not there.
@@ -53,7 +55,7 @@ def joint_matrices(document: Document, accessors: Accessors, skin: int, worlds: 
     joints = integers(row, "joints", where)
     if not joints or max(joints) >= len(worlds):
         raise MeshFileError(f"{where} has joints that are no nodes")
-    matrices = np.stack([worlds[joint] for joint in joints])
+    matrices = worlds[joints]
     inverse = optional(row, "inverseBindMatrices", where)
     if inverse is not None:
         form = accessors.form(inverse, where)
@@ -62,7 +64,13 @@ def joint_matrices(document: Document, accessors: Accessors, skin: int, worlds: 
         with np.errstate(all="ignore"):  # what overflows is refused where vertices are checked
             stored = accessors.real(inverse, where)[: len(joints)]
             matrices = matrices @ stored.reshape(-1, 4, 4).transpose(0, 2, 1)
-    return matrices
+    return Pose(matrices, _all_mirror(matrices[:, :3, :3]), worlds[node])
+
+
+def _all_mirror(linear: Floats) -> bool:
+    """Whether all matrices (j, 3, 3) turn the inside out; most skins have none that does, so the first tells."""
+    with np.errstate(all="ignore"):
+        return bool(np.linalg.det(linear[0]) < 0 and (np.linalg.det(linear) < 0).all())
 
 
 def posed(
@@ -91,9 +99,9 @@ def posed(
             moved[piece] = np.einsum("kij,kj->ki", linear, points[piece]) + matrices[:, :3, 3]
             for source, result in zip(directions, turned, strict=True):
                 vectors = np.einsum("kij,kj->ki", linear, source[piece, :3])
-                lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-                result[piece, :3] = vectors / np.where(lengths > 0, lengths, 1)
-    if mirrors(pose):
+                lengths = np.sqrt(np.einsum("ki,ki->k", vectors, vectors))
+                result[piece, :3] = vectors / np.where(lengths > 0, lengths, 1)[:, None]
+    if pose.mirrors:
         for result in turned:
             result[:, 3:] *= -1
     return moved, turned
@@ -110,24 +118,22 @@ def _blended(piece: slice, sets: Sequence[tuple[Table, Table]], pose: Pose, wher
     first = np.zeros(count, np.int64)
     for number, (joint_table, weight_table) in enumerate(sets):
         weights = real(weight_table.values[piece], normalized=weight_table.normalized)
-        weights = np.where(np.isfinite(weights), weights, 0)
-        joints = np.where(weights == 0, 0, joint_table.values[piece].astype(np.int64))
-        if joints.max() >= len(pose.joints):
-            raise MeshFileError(f"{where} has vertices of joint {joints.max()}; its skin has {len(pose.joints)} joints")
+        joints = joint_table.values[piece].astype(np.int64)
+        weights[~np.isfinite(weights)] = 0
+        joints[weights == 0] = 0
+        largest = joints.max()
+        if largest >= len(pose.joints):
+            raise MeshFileError(f"{where} has vertices of joint {largest}; its skin has {len(pose.joints)} joints")
         first = joints[:, 0] if number == 0 else first
         total += weights.sum(axis=1)
-        for column in range(joints.shape[1]):
-            matrices += weights[:, column, None] * flat[joints[:, column]]
+        for column in np.flatnonzero(weights.any(axis=0)):
+            matrices += weights[:, column, None] * flat.take(joints[:, column], axis=0)
     free = total == 0  # a vertex of no joint goes with the first
-    matrices[free] = flat[first[free]]
-    matrices /= np.where(free, 1, total)[:, None]
+    if free.any():
+        matrices[free] = flat[first[free]]
+        total[free] = 1
+    matrices /= total[:, None]
     return matrices.reshape(count, 3, 4)
-
-
-def mirrors(pose: Pose) -> bool:
-    """Whether all joints of a skin turn the inside out."""
-    with np.errstate(all="ignore"):
-        return bool((np.linalg.det(pose.joints[:, :3, :3]) < 0).all())
 
 
 def morphed(

@@ -96,7 +96,7 @@ class Geometries:
             rows = np.concatenate([ranges[place] for place in sorted(order)])
             materials = None if result.materials is None else result.materials[rows]
             result = replace(result, faces=result.faces[rows], materials=materials)
-        return result.reversed() if pose is not None and deformation.mirrors(pose) else result
+        return result.reversed() if pose is not None and pose.mirrors else result
 
     def _group(
         self, primitives: Sequence[Primitive], weights: Sequence[float], pose: Pose | None

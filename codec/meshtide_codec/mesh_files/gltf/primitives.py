@@ -125,11 +125,11 @@ def planned(document: Document, accessors: Accessors, limits: FileLimits) -> Pla
 
 
 def _primitive(row: Row, mode: int, where: str, accessors: Accessors, limits: FileLimits) -> Primitive:
-    attributes = {name: whole(index, f"{name} of {where}") for name, index in _named(row, "attributes", where)}
+    attributes = {name: whole(index, name, where) for name, index in _named(row, "attributes", where)}
     if POSITION not in attributes:
         raise MeshFileError(f"{where} has no POSITION")
     targets = tuple(
-        {name: whole(index, f"{name} of a target of {where}") for name, index in one.items()}
+        {name: whole(index, name, f"a target of {where}") for name, index in one.items()}
         for one in rows(row, "targets", where)
     )
     indices = optional(row, "indices", where)
@@ -148,7 +148,7 @@ def _primitive(row: Row, mode: int, where: str, accessors: Accessors, limits: Fi
         if not form.backed or form.shape not in _POSITION_TYPES:
             why = "has no buffer view, so no bytes stand behind it" if not form.backed else f"is of type {form.shape}"
             raise MeshFileError(f"accessors[{attributes[POSITION]}], the positions of {where}, {why}")
-        if not form.viewed:  # so many zeros must be allowed before faces are made of them
+        if form.span is None:  # so many zeros must be allowed before faces are made of them
             accessors.array(attributes[POSITION], where)
         vertices = corners = form.count
         if indices is not None:
@@ -167,7 +167,7 @@ def _packed(row: Row, where: str) -> Packed | None:
     if found is None:
         return None
     place = f"{DRACO} of {where}"
-    ids = {name: whole(value, f"{name} of {place}") for name, value in _named(found, "attributes", place)}
+    ids = {name: whole(value, name, place) for name, value in _named(found, "attributes", place)}
     if POSITION not in ids:
         raise MeshFileError(f"{place} has no POSITION")
     return Packed(integer(found, "bufferView", place), ids)

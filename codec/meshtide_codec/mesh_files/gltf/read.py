@@ -5,7 +5,7 @@ Format: Khronos, "glTF 2.0 Specification".
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -122,7 +122,7 @@ class _Made:
     roots: list[int] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
     _known: dict[tuple[int, tuple[float, ...], tuple[int, int] | None], int] = field(default_factory=dict)
-    _joints: dict[int, NDArray[np.float64]] = field(default_factory=dict)
+    _poses: dict[int, deformation.Pose] = field(default_factory=dict)
     _instances: dict[object, NDArray[np.float64]] = field(default_factory=dict)
 
     def place_all(self) -> None:
@@ -157,12 +157,11 @@ class _Made:
         self.roots = [*self.graph.roots, *range(len(self.nodes), len(self.nodes) + len(skinned))]
         self.nodes += skinned
 
-    def _pose(self, skin: int, worlds: list[NDArray[np.float64]], node: int) -> deformation.Pose:
+    def _pose(self, skin: int, worlds: NDArray[np.float64], node: int) -> deformation.Pose:
         """The bind pose of a skin, for the mesh of a node; its joints are looked up once."""
-        if skin not in self._joints:
-            found = deformation.joint_matrices(self.document, self.accessors, skin, worlds, node)
-            self._joints[skin] = found
-        return deformation.Pose(self._joints[skin], worlds[node])
+        if skin not in self._poses:
+            self._poses[skin] = deformation.bind_pose(self.document, self.accessors, skin, worlds, node)
+        return replace(self._poses[skin], otherwise=worlds[node])
 
     def _weights(self, mesh: int, place: Place | None = None, where: str = "") -> tuple[float, ...]:
         """The weights of morph targets: those of the node that shows the mesh, or else the mesh's own."""
