@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -70,8 +70,7 @@ def _layout(component: int, shape: str) -> Layout:
     return Layout(dtype, columns, rows, size if columns == 1 else size + -size % _COLUMN_ALIGNMENT)
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(NamedTuple):
     """Where elements stand in a buffer view, held against its length: the view, their first byte, and their stride."""
 
     view: int
@@ -110,8 +109,7 @@ class Form:
         return self.layout.width
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
+class Table(NamedTuple):
     """Elements as the file has them: values (n, c), and whether they stand for 0..1 or -1..1."""
 
     values: NDArray[Any]
@@ -185,11 +183,11 @@ class Accessors:
 
     def _span(self, view: int, offset: int, count: int, layout: Layout, place: str) -> Span:
         size = layout.element_bytes
-        stride = self.buffers.stride(view, place) or size
+        length, stride = self.buffers.extent(view, place)
+        stride = stride or size
         if stride < size:
             raise MeshFileError(f"{place} has elements of {size} bytes, one for each {stride} of its view")
         needed = (count - 1) * stride + size if count else 0
-        length = self.buffers.view_bytes(view, place)
         if offset + needed > length:
             raise MeshFileError(
                 f"{place} claims {count} elements, more than its view holds: "

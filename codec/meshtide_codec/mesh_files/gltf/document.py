@@ -173,6 +173,8 @@ def integers(row: Mapping[str, Any], key: str, where: str) -> list[int]:
     value = row.get(key, [])
     if not isinstance(value, list):
         raise MeshFileError(f"{key} of {where} is not a list: {shown(value)}")
+    if set(map(type, value)) == {int} and min(value) >= 0 and max(value) < LARGEST_NUMBER:
+        return value
     what = f"a value of {key}"
     return [whole(item, what, where) for item in value]
 
