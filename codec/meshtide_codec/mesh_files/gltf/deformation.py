@@ -91,6 +91,7 @@ def _joints(document: Document, accessors: Accessors, skin: int, node: int, node
     return joints, accessors.real(inverse, where)[: len(joints)].reshape(-1, 4, 4)
 
 
+@np.errstate(all="ignore")  # what is not finite is refused where the mesh is checked
 def posed(
     points: Floats, directions: Sequence[NDArray[Any]], sets: Sequence[tuple[Table, Table]], pose: Pose, where: str
 ) -> tuple[Floats, list[NDArray[np.float32]]]:
@@ -111,15 +112,14 @@ def posed(
     turned = [np.array(one, np.float32) for one in directions]
     for start in range(0, len(points), _PIECE):
         piece = slice(start, min(start + _PIECE, len(points)))
-        with np.errstate(all="ignore"):  # what is not finite is refused where the mesh is checked
-            matrices = _blended(piece, sets, pose, where)
-            linear = matrices[:, :3, :3]
-            moved[piece] = np.einsum("kij,kj->ki", linear, points[piece]) + matrices[:, :3, 3]
-            for source, result in zip(directions, turned, strict=True):
-                vectors = np.einsum("kij,kj->ki", linear, source[piece, :3])
-                lengths = np.sqrt(np.einsum("ki,ki->k", vectors, vectors))
-                lengths[lengths == 0] = 1
-                result[piece, :3] = vectors / lengths[:, None]
+        matrices = _blended(piece, sets, pose, where)
+        linear = matrices[:, :3, :3]
+        moved[piece] = np.einsum("kij,kj->ki", linear, points[piece]) + matrices[:, :3, 3]
+        for source, result in zip(directions, turned, strict=True):
+            vectors = np.einsum("kij,kj->ki", linear, source[piece, :3])
+            lengths = np.sqrt(np.einsum("ki,ki->k", vectors, vectors))
+            lengths[lengths == 0] = 1
+            result[piece, :3] = vectors / lengths[:, None]
     if pose.mirrors:
         for result in turned:
             result[:, 3:] *= -1
@@ -136,11 +136,9 @@ def _blended(piece: slice, sets: Sequence[tuple[Table, Table]], pose: Pose, wher
     total = np.zeros(count)
     first = np.zeros(count, np.int64)
     for number, (joint_table, weight_table) in enumerate(sets):
-        for column in range(weight_table.values.shape[1]):
-            stored = weight_table.values[piece, column]
-            if not stored.any():  # most skins leave columns empty
-                continue
-            weights = real(stored, normalized=weight_table.normalized)
+        columns = weight_table.values[piece].T.copy()
+        for column in np.flatnonzero(columns.any(axis=1)):  # most skins leave some empty
+            weights = real(columns[column], normalized=weight_table.normalized)
             joints = joint_table.values[piece, column].astype(np.int64)
             rigid = (weights == 1).all()
             if not rigid:

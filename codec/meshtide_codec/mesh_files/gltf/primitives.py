@@ -53,6 +53,7 @@ class Primitive:
         packed: its Draco stream, where that is what is read.
         vertices: how many it claims.
         corners: how many it claims.
+        key: the same for primitives that stand on the same vertices.
     """
 
     where: str
@@ -64,18 +65,12 @@ class Primitive:
     packed: Packed | None
     vertices: int
     corners: int
+    key: object
 
     @property
     def claimed_faces(self) -> int:
         """Triangles at most."""
         return self.corners // 3 if self.mode == _TRIANGLES else max(0, self.corners - 2)
-
-    @property
-    def key(self) -> object:
-        """The same for primitives that stand on the same vertices."""
-        if self.packed is not None:
-            return self.where
-        return tuple(sorted(self.attributes.items())), tuple(tuple(sorted(one.items())) for one in self.targets)
 
 
 @dataclass(slots=True)
@@ -153,9 +148,11 @@ def _primitive(row: Row, mode: int, where: str, accessors: Accessors, limits: Fi
         vertices = corners = form.count
         if indices is not None:
             corners = _index_count(accessors, indices, where)
-    return Primitive(
-        where, mode, attributes, indices, -1 if material is None else material, targets, packed, vertices, corners
-    )
+    key: object = where
+    if packed is None:
+        key = tuple(sorted(attributes.items())), tuple(tuple(sorted(one.items())) for one in targets)
+    material = -1 if material is None else material
+    return Primitive(where, mode, attributes, indices, material, targets, packed, vertices, corners, key)
 
 
 def _named(row: Row, key: str, where: str) -> list[tuple[str, object]]:
