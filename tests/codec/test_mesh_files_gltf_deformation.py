@@ -132,6 +132,33 @@ def test_one_mesh_in_two_skins_becomes_two_geometries() -> None:
     assert np.allclose(scene.mesh().vertices, np.concatenate([PYRAMID * 2, PYRAMID * 3]))
 
 
+def test_each_skin_has_its_own_joints_and_mirrors_by_itself() -> None:
+    nodes: list[dict[str, Any]] = [{"scale": [2, 2, 2]}, {"scale": [-1, 1, 1]}, {"scale": [1, 1, -3]}]
+    file = skinned(*ALONE, nodes, [np.diag([5.0, 5, 5, 1])])
+    inverse = file.root["skins"][0]["inverseBindMatrices"]
+    file.root["skins"] = [
+        {"joints": [2, 3]},
+        {"joints": [1], "inverseBindMatrices": inverse},
+        {"joints": [2, 1]},
+        {"joints": [1, 2]},
+    ]
+    file.root["nodes"] += [{"mesh": 0, "skin": 1}, {"mesh": 0, "skin": 2}, {"mesh": 0, "skin": 3}]
+    file.root["scenes"] = [{"nodes": list(range(7))}]
+    meshes = read(file).geometries
+    scales: list[Any] = [[-1, 1, 1], 10, [-1, 1, 1], 2]
+    for mesh, scale in zip(meshes, scales, strict=True):
+        assert np.array_equal(mesh.vertices, PYRAMID * scale)
+    assert [volume(mesh) for mesh in meshes] == pytest.approx([3, 3000, -3, 24])  # the third mirrors in part
+
+
+def test_columns_without_weights_between_others_are_passed_over() -> None:
+    nodes = [{"translation": [8, 0, 0]}, {"translation": [0, 8, 0]}, {"translation": [0, 0, 8]}]
+    weights = [[0, 1, 0, 0], [0, 1, 0, 1], [0, 0, 0, 2], [0, 3, 0, 1], [0, np.nan, 0, 1]]
+    moved = [[8, 0, 0], [4, 0, 4], [0, 0, 8], [6, 0, 2], [0, 0, 8]]
+    mesh = read_mesh(skinned([[9, 0, 1, 2]] * 5, weights, nodes))
+    assert np.array_equal(mesh.vertices, PYRAMID + moved)
+
+
 @pytest.mark.parametrize(
     ("skin", "message"),
     [

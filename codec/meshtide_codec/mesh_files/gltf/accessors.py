@@ -7,7 +7,8 @@ before anything is made; where no bytes stand behind it, against what a file may
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -35,46 +36,80 @@ _COLUMN_ALIGNMENT = 4
 
 
 @dataclass(frozen=True, slots=True)
+class Layout:
+    """How the components of an element lie.
+
+    Args:
+        dtype: of a component.
+        columns: of a matrix; 1 for others.
+        rows: components of a column.
+        column_bytes: from one column to the next.
+    """
+
+    dtype: np.dtype[Any]
+    columns: int
+    rows: int
+    column_bytes: int
+
+    @property
+    def width(self) -> int:
+        """Components of an element."""
+        return self.columns * self.rows
+
+    @property
+    def element_bytes(self) -> int:
+        """Bytes of an element, padding of matrices included."""
+        return self.columns * self.column_bytes
+
+
+@cache
+def _layout(component: int, shape: str) -> Layout:
+    dtype = np.dtype(_TYPES[component])
+    columns, rows = _SHAPES[shape]
+    size = rows * dtype.itemsize
+    return Layout(dtype, columns, rows, size if columns == 1 else size + -size % _COLUMN_ALIGNMENT)
+
+
+class Span(NamedTuple):
+    """Where elements stand in a buffer view, held against its length: the view, their first byte, and their stride."""
+
+    view: int
+    offset: int
+    stride: int
+
+
+@dataclass(frozen=True, slots=True)
 class Form:
     """What an accessor says of itself.
 
     Args:
         count: of elements.
-        dtype: of a component.
         shape: its type, such as VEC3.
+        layout: of an element.
         normalized: integers that stand for 0..1, or -1..1 where they are signed.
-        viewed: whether bytes stand behind all of it.
+        span: the bytes behind all of it, or None.
         backed: whether bytes stand behind it, be it sparse ones.
     """
 
     count: int
-    dtype: np.dtype[Any]
     shape: str
+    layout: Layout
     normalized: bool
-    viewed: bool
+    span: Span | None
     backed: bool
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of a component."""
+        return self.layout.dtype
 
     @property
     def width(self) -> int:
         """Components of an element."""
-        columns, rows = _SHAPES[self.shape]
-        return columns * rows
-
-    @property
-    def column_bytes(self) -> int:
-        """Bytes from one column to the next."""
-        columns, rows = _SHAPES[self.shape]
-        size = rows * self.dtype.itemsize
-        return size if columns == 1 else size + -size % _COLUMN_ALIGNMENT
-
-    @property
-    def element_bytes(self) -> int:
-        """Bytes of an element, padding of matrices included."""
-        return self.column_bytes * _SHAPES[self.shape][0]
+        return self.layout.width
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
+class Table(NamedTuple):
     """Elements as the file has them: values (n, c), and whether they stand for 0..1 or -1..1."""
 
     values: NDArray[Any]
@@ -106,19 +141,20 @@ class Accessors:
             MeshFileError: there is none, it is of an unknown type, or claims more elements than its view holds.
         """
         if index not in self._forms:
-            row = self.document.row("accessors", index, where)
-            place = f"accessors[{index}]"
-            component, shape = integer(row, "componentType", place), row.get("type")
-            if component not in _TYPES or not isinstance(shape, str) or shape not in _SHAPES:
-                raise MeshFileError(f"{place} is of an unknown type: {component}, {shown(shape)}")
-            count, view = integer(row, "count", place), optional(row, "bufferView", place)
-            normalized = row.get("normalized", False) is True and component != 5126
-            viewed = view is not None
-            form = Form(count, np.dtype(_TYPES[component]), shape, normalized, viewed, viewed or "sparse" in row)
-            if view is not None:
-                self._check_view(view, integer(row, "byteOffset", place, 0), form, place)
-            self._forms[index] = form
+            self._forms[index] = self._form(self.document.row("accessors", index, where), f"accessors[{index}]")
         return self._forms[index]
+
+    def _form(self, row: Row, place: str) -> Form:
+        component, shape = integer(row, "componentType", place), row.get("type")
+        if component not in _TYPES or not isinstance(shape, str) or shape not in _SHAPES:
+            raise MeshFileError(f"{place} is of an unknown type: {component}, {shown(shape)}")
+        count, view = integer(row, "count", place), optional(row, "bufferView", place)
+        normalized = row.get("normalized", False) is True and component != 5126
+        layout = _layout(component, shape)
+        if view is None:
+            return Form(count, shape, layout, normalized, None, "sparse" in row)
+        span = self._span(view, integer(row, "byteOffset", place, 0), count, layout, place)
+        return Form(count, shape, layout, normalized, span, backed=True)
 
     def array(self, index: int, where: str) -> NDArray[Any]:
         """The elements (count, components) of an accessor in its own type, columns of matrices one after the other.
@@ -126,17 +162,16 @@ class Accessors:
         Raises:
             MeshFileError: as `form` does; or its bytes are missing or damaged.
         """
-        form = self.form(index, where)
         if index not in self._arrays:
+            form = self.form(index, where)
             row = self.document.row("accessors", index, where)
             place = f"accessors[{index}]"
-            view = optional(row, "bufferView", place)
             sparse = mapping(row, "sparse", place) if "sparse" in row else None
-            if view is None:
-                self.buffers.take(form.count * form.element_bytes, place)
+            if form.span is None:
+                self.buffers.take(form.count * form.layout.element_bytes, place)
                 array = np.zeros((form.count, form.width), form.dtype)
             else:
-                array = self._elements(view, integer(row, "byteOffset", place, 0), form, place)
+                array = self._elements(form.span, form.count, form.layout, place)
             if sparse is not None:
                 array = self._replaced(array, sparse, form, place)
             self._arrays[index] = array
@@ -146,32 +181,31 @@ class Accessors:
         """The same as numbers: what is normalized lies in 0..1 or -1..1."""
         return real(self.array(index, where), normalized=self.form(index, where).normalized)
 
-    def _check_view(self, view: int, offset: int, form: Form, place: str) -> None:
-        stride = self.buffers.stride(view, place) or form.element_bytes
-        if stride < form.element_bytes:
-            raise MeshFileError(
-                f"{place} has elements of {form.element_bytes} bytes, one for each {stride} of its view"
-            )
-        needed = (form.count - 1) * stride + form.element_bytes if form.count else 0
-        length = self.buffers.view_bytes(view, place)
+    def _span(self, view: int, offset: int, count: int, layout: Layout, place: str) -> Span:
+        size = layout.element_bytes
+        length, stride = self.buffers.extent(view, place)
+        stride = stride or size
+        if stride < size:
+            raise MeshFileError(f"{place} has elements of {size} bytes, one for each {stride} of its view")
+        needed = (count - 1) * stride + size if count else 0
         if offset + needed > length:
             raise MeshFileError(
-                f"{place} claims {form.count} elements, more than its view holds: "
+                f"{place} claims {count} elements, more than its view holds: "
                 f"they end at byte {offset + needed}, bufferViews[{view}] at {length}"
             )
+        return Span(view, offset, stride)
 
-    def _elements(self, view: int, offset: int, form: Form, place: str) -> NDArray[Any]:
-        data = self.buffers.view(view, place)
-        stride = self.buffers.stride(view, place) or form.element_bytes
-        columns, rows = _SHAPES[form.shape]
-        shape = (form.count, columns, rows)
-        strides = (stride, form.column_bytes, form.dtype.itemsize)
-        if form.count == 0:
-            return np.zeros((0, form.width), form.dtype)
-        table = np.ndarray(shape, form.dtype, data.data, offset, strides)
+    def _elements(self, span: Span, count: int, layout: Layout, place: str) -> NDArray[Any]:
+        data = self.buffers.view(span.view, place)
+        if count == 0:
+            return np.zeros((0, layout.width), layout.dtype)
+        shape = (count, layout.columns, layout.rows)
+        strides = (span.stride, layout.column_bytes, layout.dtype.itemsize)
+        table: NDArray[Any] = np.ndarray(shape, layout.dtype, data, span.offset, strides)
         if not table.flags.c_contiguous or not table.flags.aligned:
             self.buffers.take(table.nbytes, place)
-        return np.require(table, requirements=["C", "A"]).reshape(form.count, form.width)
+            table = table.copy()
+        return table.reshape(count, layout.width)
 
     def _replaced(self, array: NDArray[Any], sparse: Row, form: Form, place: str) -> NDArray[Any]:
         """A copy in which some elements have other values."""
@@ -183,14 +217,11 @@ class Accessors:
         component = integer(indices, "componentType", f"sparse indices of {place}")
         if component not in {5121, 5123, 5125}:
             raise MeshFileError(f"the sparse indices of {place} are of an unknown type: {component}")
-        index_form = Form(count, np.dtype(_TYPES[component]), "SCALAR", normalized=False, viewed=True, backed=True)
-        value_form = Form(count, form.dtype, form.shape, form.normalized, viewed=True, backed=True)
         tables = []
-        for row, one, name in ((indices, index_form, "indices"), (values, value_form, "values")):
+        for row, layout, name in ((indices, _layout(component, "SCALAR"), "indices"), (values, form.layout, "values")):
             what = f"sparse {name} of {place}"
             view, offset = integer(row, "bufferView", what), integer(row, "byteOffset", what, 0)
-            self._check_view(view, offset, one, what)
-            tables.append(self._elements(view, offset, one, what))
+            tables.append(self._elements(self._span(view, offset, count, layout, what), count, layout, what))
         chosen = tables[0].reshape(-1).astype(np.int64)
         if count and chosen.max() >= form.count:
             raise MeshFileError(f"{place} replaces element {chosen.max()}, but has {form.count}")

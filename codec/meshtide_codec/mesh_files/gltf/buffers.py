@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from meshtide_codec.limits import FileLimits
     from meshtide_codec.mesh_files.gltf.document import Document, Row
+    from meshtide_codec.mesh_files.gltf.meshopt import Packed
     from meshtide_codec.mesh_files.source import Source
 
 _FREE_EXPANSION = 1 << 24
@@ -51,7 +52,8 @@ class Buffers:
     limits: FileLimits
     _buffers: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
     _beside: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
-    _unpacked: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
+    _views: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
+    _extents: dict[int, tuple[int, int]] = field(default_factory=dict)
     _held: int = 0
     _made: int = 0
 
@@ -61,35 +63,32 @@ class Buffers:
         Raises:
             MeshFileError: there is no such view, its bytes are missing, or it is damaged.
         """
-        if index in self._unpacked:
-            return self._unpacked[index]
+        if index not in self._views:
+            self._views[index] = self._view(index, where)
+        return self._views[index]
+
+    def _view(self, index: int, where: str) -> NDArray[np.uint8]:
         row = self.document.row("bufferViews", index, where)
         place = f"bufferViews[{index}]"
         compressed = packed(row, place)
-        length = self.view_bytes(index, where)
+        length = _length(row, compressed, place)
         if compressed is None:
             return self._part(integer(row, "buffer", place), integer(row, "byteOffset", place, 0), length, place)
         data = self._part(compressed.buffer, compressed.offset, compressed.length, f"{compressed.name} of {place}")
         self.take(length, f"{compressed.name} of {place}")
-        self._unpacked[index] = compressed.decoded(data)
-        return self._unpacked[index]
+        return compressed.decoded(data)
 
-    def view_bytes(self, index: int, where: str) -> int:
-        """How many bytes a buffer view has, without a look at them."""
-        row = self.document.row("bufferViews", index, where)
-        place = f"bufferViews[{index}]"
-        length = integer(row, "byteLength", place)
-        compressed = packed(row, place)
-        if compressed is not None and compressed.count * compressed.stride != length:
-            raise MeshFileError(
-                f"{compressed.name} of {place} holds {compressed.count} elements of {compressed.stride} bytes, "
-                f"but the view has {length}"
-            )
-        return length
+    def extent(self, index: int, where: str) -> tuple[int, int]:
+        """The bytes of a buffer view, and those from one element to the next, or 0 where they stand close.
 
-    def stride(self, index: int, where: str) -> int:
-        """The bytes from one element of a view to the next, or 0 where they stand close."""
-        return integer(self.document.row("bufferViews", index, where), "byteStride", f"bufferViews[{index}]", 0)
+        Raises:
+            MeshFileError: there is no such view, or it contradicts itself.
+        """
+        if index not in self._extents:
+            row, place = self.document.row("bufferViews", index, where), f"bufferViews[{index}]"
+            length = _length(row, packed(row, place), place)
+            self._extents[index] = length, integer(row, "byteStride", place, 0)
+        return self._extents[index]
 
     def take(self, size: int, what: str) -> None:
         """Take bytes that the file does not hold from what it may make.
@@ -150,6 +149,16 @@ class Buffers:
                 raise MeshFileError(f"the buffers take more than the {self.limits.file_bytes} bytes that are read")
             self._beside[uri] = np.frombuffer(data, np.uint8)
         return self._beside[uri]
+
+
+def _length(row: Row, compressed: Packed | None, place: str) -> int:
+    length = integer(row, "byteLength", place)
+    if compressed is not None and compressed.count * compressed.stride != length:
+        raise MeshFileError(
+            f"{compressed.name} of {place} holds {compressed.count} elements of {compressed.stride} bytes, "
+            f"but the view has {length}"
+        )
+    return length
 
 
 def opened(uri: str, source: Source, limits: FileLimits, place: str) -> bytes | None:

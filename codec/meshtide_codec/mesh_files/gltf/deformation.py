@@ -6,6 +6,7 @@ where its joints put it: the transformation of the node that shows it does not c
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh_files.gltf.accessors import real
 from meshtide_codec.mesh_files.gltf.document import integers, optional
+from meshtide_codec.scene import IDENTITY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,36 +37,61 @@ class Pose:
 
     Args:
         joints: (j, 4, 4), from the coordinates of the mesh to those of the scene.
+        mirrors: whether all joints turn the inside out.
         otherwise: (4, 4) for parts that have no joints.
     """
 
     joints: Floats
+    mirrors: bool
     otherwise: Floats
 
 
-def joint_matrices(document: Document, accessors: Accessors, skin: int, worlds: Sequence[Floats], node: int) -> Floats:
-    """The matrices (j, 4, 4) of the joints of a skin that a node names, in its bind pose.
+def bind_poses(
+    document: Document, accessors: Accessors, users: Mapping[int, int], worlds: Floats
+) -> dict[int, tuple[Floats, bool]]:
+    """Of each skin in its bind pose the matrices (j, 4, 4) of its joints, and whether all of them mirror.
+
+    Args:
+        document: of the file.
+        accessors: of the file.
+        users: by the number of each skin a node that names it.
+        worlds: (k, 4, 4), the matrices of all nodes.
 
     Raises:
-        MeshFileError: the skin names what is not there.
+        MeshFileError: a skin names what is not there.
     """
+    if not users:
+        return {}
+    skins = [_joints(document, accessors, skin, node, len(worlds)) for skin, node in users.items()]
+    starts = np.cumsum([0, *(len(joints) for joints, _ in skins)])
+    columns = np.concatenate([inverse for _, inverse in skins])
+    with np.errstate(all="ignore"):  # what overflows is refused where vertices are checked
+        matrices = worlds[[joint for joints, _ in skins for joint in joints]] @ columns.transpose(0, 2, 1)
+        mirrors = np.linalg.det(matrices[starts[:-1], :3, :3]) < 0  # most skins have no joint that does
+        parts = [matrices[start:end] for start, end in itertools.pairwise(starts)]
+        return {
+            skin: (part, bool(first and (np.linalg.det(part[:, :3, :3]) < 0).all()))
+            for skin, part, first in zip(users, parts, mirrors, strict=True)
+        }
+
+
+def _joints(document: Document, accessors: Accessors, skin: int, node: int, nodes: int) -> tuple[list[int], Floats]:
+    """The nodes that are the joints of a skin, and their inverse bind matrices (j, 4, 4), each by its columns."""
     row = document.row("skins", skin, f"nodes[{node}]")
     where = f"skins[{skin}]"
     joints = integers(row, "joints", where)
-    if not joints or max(joints) >= len(worlds):
+    if not joints or max(joints) >= nodes:
         raise MeshFileError(f"{where} has joints that are no nodes")
-    matrices = np.stack([worlds[joint] for joint in joints])
     inverse = optional(row, "inverseBindMatrices", where)
-    if inverse is not None:
-        form = accessors.form(inverse, where)
-        if form.shape != "MAT4" or form.count < len(joints):
-            raise MeshFileError(f"accessors[{inverse}] has no matrix for each of the {len(joints)} joints of {where}")
-        with np.errstate(all="ignore"):  # what overflows is refused where vertices are checked
-            stored = accessors.real(inverse, where)[: len(joints)]
-            matrices = matrices @ stored.reshape(-1, 4, 4).transpose(0, 2, 1)
-    return matrices
+    if inverse is None:
+        return joints, np.broadcast_to(IDENTITY, (len(joints), 4, 4))
+    form = accessors.form(inverse, where)
+    if form.shape != "MAT4" or form.count < len(joints):
+        raise MeshFileError(f"accessors[{inverse}] has no matrix for each of the {len(joints)} joints of {where}")
+    return joints, accessors.real(inverse, where)[: len(joints)].reshape(-1, 4, 4)
 
 
+@np.errstate(all="ignore")  # what is not finite is refused where the mesh is checked
 def posed(
     points: Floats, directions: Sequence[NDArray[Any]], sets: Sequence[tuple[Table, Table]], pose: Pose, where: str
 ) -> tuple[Floats, list[NDArray[np.float32]]]:
@@ -85,15 +112,15 @@ def posed(
     turned = [np.array(one, np.float32) for one in directions]
     for start in range(0, len(points), _PIECE):
         piece = slice(start, min(start + _PIECE, len(points)))
-        with np.errstate(all="ignore"):  # what is not finite is refused where the mesh is checked
-            matrices = _blended(piece, sets, pose, where)
-            linear = matrices[:, :3, :3]
-            moved[piece] = np.einsum("kij,kj->ki", linear, points[piece]) + matrices[:, :3, 3]
-            for source, result in zip(directions, turned, strict=True):
-                vectors = np.einsum("kij,kj->ki", linear, source[piece, :3])
-                lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-                result[piece, :3] = vectors / np.where(lengths > 0, lengths, 1)
-    if mirrors(pose):
+        matrices = _blended(piece, sets, pose, where)
+        linear = matrices[:, :3, :3]
+        moved[piece] = np.einsum("kij,kj->ki", linear, points[piece]) + matrices[:, :3, 3]
+        for source, result in zip(directions, turned, strict=True):
+            vectors = np.einsum("kij,kj->ki", linear, source[piece, :3])
+            lengths = np.sqrt(np.einsum("ki,ki->k", vectors, vectors))
+            lengths[lengths == 0] = 1
+            result[piece, :3] = vectors / lengths[:, None]
+    if pose.mirrors:
         for result in turned:
             result[:, 3:] *= -1
     return moved, turned
@@ -109,25 +136,28 @@ def _blended(piece: slice, sets: Sequence[tuple[Table, Table]], pose: Pose, wher
     total = np.zeros(count)
     first = np.zeros(count, np.int64)
     for number, (joint_table, weight_table) in enumerate(sets):
-        weights = real(weight_table.values[piece], normalized=weight_table.normalized)
-        weights = np.where(np.isfinite(weights), weights, 0)
-        joints = np.where(weights == 0, 0, joint_table.values[piece].astype(np.int64))
-        if joints.max() >= len(pose.joints):
-            raise MeshFileError(f"{where} has vertices of joint {joints.max()}; its skin has {len(pose.joints)} joints")
-        first = joints[:, 0] if number == 0 else first
-        total += weights.sum(axis=1)
-        for column in range(joints.shape[1]):
-            matrices += weights[:, column, None] * flat[joints[:, column]]
-    free = total == 0  # a vertex of no joint goes with the first
-    matrices[free] = flat[first[free]]
-    matrices /= np.where(free, 1, total)[:, None]
+        columns = weight_table.values[piece].T.copy()
+        for column in np.flatnonzero(columns.any(axis=1)):  # most skins leave some empty
+            weights = real(columns[column], normalized=weight_table.normalized)
+            joints = joint_table.values[piece, column].astype(np.int64)
+            rigid = (weights == 1).all()
+            if not rigid:
+                weights[~np.isfinite(weights)] = 0
+                joints[weights == 0] = 0
+            largest = joints.max()
+            if largest >= len(pose.joints):
+                raise MeshFileError(f"{where} has vertices of joint {largest}; its skin has {len(pose.joints)} joints")
+            if number == column == 0:
+                first = joints
+            total += weights
+            chosen = flat.take(joints, axis=0)
+            matrices += chosen if rigid else weights[:, None] * chosen
+    if not (total == 1).all():
+        free = total == 0  # a vertex of no joint goes with the first
+        matrices[free] = flat[first[free]]
+        total[free] = 1
+        matrices /= total[:, None]
     return matrices.reshape(count, 3, 4)
-
-
-def mirrors(pose: Pose) -> bool:
-    """Whether all joints of a skin turn the inside out."""
-    with np.errstate(all="ignore"):
-        return bool((np.linalg.det(pose.joints[:, :3, :3]) < 0).all())
 
 
 def morphed(

@@ -122,6 +122,8 @@ def mapping(row: Mapping[str, Any], key: str, where: str) -> Row:
 
 def extension(row: Mapping[str, Any], name: str, where: str) -> Row | None:
     """The object of an extension, or None where the row has none of that name."""
+    if "extensions" not in row:
+        return None
     extensions = mapping(row, "extensions", where)
     return mapping(extensions, name, where) if name in extensions else None
 
@@ -145,25 +147,25 @@ def integer(row: Mapping[str, Any], key: str, where: str, default: int | None = 
     ...
     meshtide_codec.errors.MeshFileError: count of accessors[0] is not a number from 0 on: -1
     """
-    if key not in row and default is not None:
-        return default
-    if key not in row:
+    if key in row:
+        return whole(row[key], key, where)
+    if default is None:
         raise MeshFileError(f"{where} has no {key}")
-    return whole(row[key], f"{key} of {where}")
+    return default
 
 
 def optional(row: Mapping[str, Any], key: str, where: str) -> int | None:
     """A number from 0 on, or None where it is missing."""
-    return integer(row, key, where) if key in row else None
+    return whole(row[key], key, where) if key in row else None
 
 
-def whole(value: object, what: str) -> int:
-    """The value as a number from 0 on, if it is one."""
+def whole(value: object, what: str, where: str) -> int:
+    """The value, `what` of `where`, as a number from 0 on, if it is one."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < LARGEST_NUMBER:
-        raise MeshFileError(f"{what} is not a number from 0 on: {shown(value)}")
-    return value
+    if type(value) is int and 0 <= value < LARGEST_NUMBER:  # no bool, which is an int as well
+        return value
+    raise MeshFileError(f"{what} of {where} is not a number from 0 on: {shown(value)}")
 
 
 def integers(row: Mapping[str, Any], key: str, where: str) -> list[int]:
@@ -171,7 +173,10 @@ def integers(row: Mapping[str, Any], key: str, where: str) -> list[int]:
     value = row.get(key, [])
     if not isinstance(value, list):
         raise MeshFileError(f"{key} of {where} is not a list: {shown(value)}")
-    return [whole(item, f"a value of {key} of {where}") for item in value]
+    if set(map(type, value)) == {int} and min(value) >= 0 and max(value) < LARGEST_NUMBER:
+        return value
+    what = f"a value of {key}"
+    return [whole(item, what, where) for item in value]
 
 
 def numbers(row: Mapping[str, Any], key: str, where: str, default: Sequence[float] | None = None) -> list[float]:
@@ -182,13 +187,13 @@ def numbers(row: Mapping[str, Any], key: str, where: str, default: Sequence[floa
     if not isinstance(value, list) or (default is not None and len(value) != len(default)):
         many = "numbers" if default is None else f"{len(default)} numbers"
         raise MeshFileError(f"{key} of {where} is not a list of {many}")
-    return [_number(item, f"{key} of {where}") for item in value]
+    return [_number(item, key, where) for item in value]
 
 
-def _number(value: object, what: str) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not -1e300 < value < 1e300:
-        raise MeshFileError(f"{what} holds what is no finite number: {shown(value)}")
-    return float(value)
+def _number(value: object, key: str, where: str) -> float:
+    if (type(value) is float or type(value) is int) and -1e300 < value < 1e300:  # no bool, which is an int as well
+        return float(value)
+    raise MeshFileError(f"{key} of {where} holds what is no finite number: {shown(value)}")
 
 
 def names(row: Mapping[str, Any], key: str) -> list[str]:

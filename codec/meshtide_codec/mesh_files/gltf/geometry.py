@@ -96,7 +96,7 @@ class Geometries:
             rows = np.concatenate([ranges[place] for place in sorted(order)])
             materials = None if result.materials is None else result.materials[rows]
             result = replace(result, faces=result.faces[rows], materials=materials)
-        return result.reversed() if pose is not None and deformation.mirrors(pose) else result
+        return result.reversed() if pose is not None and pose.mirrors else result
 
     def _group(
         self, primitives: Sequence[Primitive], weights: Sequence[float], pose: Pose | None
@@ -109,7 +109,7 @@ class Geometries:
         else:
             parts = [triangles(one, self.accessors) for one in primitives]
             tables = self._tables(first)
-            faces = np.concatenate(parts)
+            faces = parts[0] if len(parts) == 1 else np.concatenate(parts)
             sizes = [len(part) for part in parts]
         count = len(tables[POSITION].values)
         chosen = self._chosen(first, faces)
@@ -129,8 +129,10 @@ class Geometries:
         if pose is not None:
             vertices, tables = _posed(vertices, tables, pose, first.where)
         attributes = tuple(_attribute(name, table) for name, table in tables.items())
-        materials = np.repeat(np.array([one.material for one in primitives], np.int64), sizes)
-        return Mesh(vertices, faces, attributes, None if (materials == NONE).all() else materials), sizes
+        materials = None
+        if any(size and one.material != NONE for one, size in zip(primitives, sizes, strict=True)):
+            materials = np.repeat(np.array([one.material for one in primitives], np.int64), sizes)
+        return Mesh(vertices, faces, attributes, materials), sizes
 
     def _chosen(self, primitive: Primitive, faces: NDArray[np.int64]) -> NDArray[np.int64] | None:
         """The vertices that faces use, where others may belong to other meshes; None for all."""

@@ -7,7 +7,7 @@ Nodes that have two parents or are their own ancestors are refused. Cost: linear
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,8 +31,7 @@ _INSTANCE_BYTES = 128
 _PARTS = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """A node before its mesh is made.
 
     Args:
@@ -72,8 +71,8 @@ class Graph:
     roots: list[int]
     shown: list[int]
 
-    def world_matrices(self) -> list[Matrix]:
-        """Of each node the matrix (4, 4) from its coordinates to those of its tree.
+    def world_matrices(self) -> Matrix:
+        """The matrices (k, 4, 4) of the nodes, from the coordinates of each to those of its tree.
 
         Raises:
             MeshFileError: numbers grow beyond all bounds on the way.
@@ -87,11 +86,11 @@ class Graph:
                 above = IDENTITY if parent < 0 else worlds[parent]
                 worlds[index] = place.matrix if above is IDENTITY else above @ place.matrix
                 waiting += place.children
-        if worlds:
-            beyond = np.flatnonzero(~np.isfinite(np.stack(worlds)).all(axis=(1, 2)))
-            if len(beyond):
-                raise MeshFileError(f"nodes[{beyond[0]}] lies beyond all numbers: its matrix overflows")
-        return worlds
+        result = np.array(worlds).reshape(-1, 4, 4)
+        if not np.isfinite(result).all():
+            beyond = np.flatnonzero(~np.isfinite(result).all(axis=(1, 2)))
+            raise MeshFileError(f"nodes[{beyond[0]}] lies beyond all numbers: its matrix overflows")
+        return result
 
 
 def graph(document: Document, accessors: Accessors, source: Source) -> Graph:
@@ -136,8 +135,8 @@ def _place(row: Row, matrix: Matrix, where: str, document: Document, accessors: 
     if instancing is not None and mesh is not None:
         place = f"{INSTANCING} of {where}"
         given = mapping(instancing, "attributes", place)
-        parts = tuple((name, whole(given[name], f"{name} of {place}")) for name in _PARTS if name in given)
-        used = [whole(index, f"{name} of {place}") for name, index in given.items()]
+        parts = tuple((name, whole(given[name], name, place)) for name in _PARTS if name in given)
+        used = [whole(index, name, place) for name, index in given.items()]
         sizes = {accessors.form(index, place).count for index in used}
         if len(sizes) != 1:
             raise MeshFileError(f"{place} has attributes of {len(sizes) or 'no'} lengths")

@@ -53,6 +53,7 @@ class Primitive:
         packed: its Draco stream, where that is what is read.
         vertices: how many it claims.
         corners: how many it claims.
+        key: the same for primitives that stand on the same vertices.
     """
 
     where: str
@@ -64,18 +65,12 @@ class Primitive:
     packed: Packed | None
     vertices: int
     corners: int
+    key: object
 
     @property
     def claimed_faces(self) -> int:
         """Triangles at most."""
         return self.corners // 3 if self.mode == _TRIANGLES else max(0, self.corners - 2)
-
-    @property
-    def key(self) -> object:
-        """The same for primitives that stand on the same vertices."""
-        if self.packed is not None:
-            return self.where
-        return tuple(sorted(self.attributes.items())), tuple(tuple(sorted(one.items())) for one in self.targets)
 
 
 @dataclass(slots=True)
@@ -125,11 +120,11 @@ def planned(document: Document, accessors: Accessors, limits: FileLimits) -> Pla
 
 
 def _primitive(row: Row, mode: int, where: str, accessors: Accessors, limits: FileLimits) -> Primitive:
-    attributes = {name: whole(index, f"{name} of {where}") for name, index in _named(row, "attributes", where)}
+    attributes = {name: whole(index, name, where) for name, index in _named(row, "attributes", where)}
     if POSITION not in attributes:
         raise MeshFileError(f"{where} has no POSITION")
     targets = tuple(
-        {name: whole(index, f"{name} of a target of {where}") for name, index in one.items()}
+        {name: whole(index, name, f"a target of {where}") for name, index in one.items()}
         for one in rows(row, "targets", where)
     )
     indices = optional(row, "indices", where)
@@ -148,14 +143,16 @@ def _primitive(row: Row, mode: int, where: str, accessors: Accessors, limits: Fi
         if not form.backed or form.shape not in _POSITION_TYPES:
             why = "has no buffer view, so no bytes stand behind it" if not form.backed else f"is of type {form.shape}"
             raise MeshFileError(f"accessors[{attributes[POSITION]}], the positions of {where}, {why}")
-        if not form.viewed:  # so many zeros must be allowed before faces are made of them
+        if form.span is None:  # so many zeros must be allowed before faces are made of them
             accessors.array(attributes[POSITION], where)
         vertices = corners = form.count
         if indices is not None:
             corners = _index_count(accessors, indices, where)
-    return Primitive(
-        where, mode, attributes, indices, -1 if material is None else material, targets, packed, vertices, corners
-    )
+    key: object = where
+    if packed is None:
+        key = tuple(sorted(attributes.items())), tuple(tuple(sorted(one.items())) for one in targets)
+    material = -1 if material is None else material
+    return Primitive(where, mode, attributes, indices, material, targets, packed, vertices, corners, key)
 
 
 def _named(row: Row, key: str, where: str) -> list[tuple[str, object]]:
@@ -167,7 +164,7 @@ def _packed(row: Row, where: str) -> Packed | None:
     if found is None:
         return None
     place = f"{DRACO} of {where}"
-    ids = {name: whole(value, f"{name} of {place}") for name, value in _named(found, "attributes", place)}
+    ids = {name: whole(value, name, place) for name, value in _named(found, "attributes", place)}
     if POSITION not in ids:
         raise MeshFileError(f"{place} has no POSITION")
     return Packed(integer(found, "bufferView", place), ids)

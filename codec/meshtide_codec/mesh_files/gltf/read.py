@@ -122,13 +122,13 @@ class _Made:
     roots: list[int] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
     _known: dict[tuple[int, tuple[float, ...], tuple[int, int] | None], int] = field(default_factory=dict)
-    _joints: dict[int, NDArray[np.float64]] = field(default_factory=dict)
     _instances: dict[object, NDArray[np.float64]] = field(default_factory=dict)
 
     def place_all(self) -> None:
         """Make each node, and each geometry that one shows; then those that none shows."""
         worlds = self.graph.world_matrices()
         shown = set(self.graph.shown)
+        skins = deformation.bind_poses(self.document, self.accessors, self._skins(shown), worlds)
         skinned: list[Node] = []
         for index, place in enumerate(self.graph.places):
             geometry = instances = None
@@ -137,7 +137,7 @@ class _Made:
                 if index not in shown:
                     geometry = self._geometry(place.mesh, self._weights(place.mesh), None, None)
                 elif place.skin is not None:
-                    pose = self._pose(place.skin, worlds, index)
+                    pose = deformation.Pose(*skins[place.skin], worlds[index])
                     weights = self._weights(place.mesh, place, f"nodes[{index}]")
                     baked = self._geometry(place.mesh, weights, (place.skin, index), pose)
                     skinned.append(Node(baked, name=name))
@@ -157,12 +157,18 @@ class _Made:
         self.roots = [*self.graph.roots, *range(len(self.nodes), len(self.nodes) + len(skinned))]
         self.nodes += skinned
 
-    def _pose(self, skin: int, worlds: list[NDArray[np.float64]], node: int) -> deformation.Pose:
-        """The bind pose of a skin, for the mesh of a node; its joints are looked up once."""
-        if skin not in self._joints:
-            found = deformation.joint_matrices(self.document, self.accessors, skin, worlds, node)
-            self._joints[skin] = found
-        return deformation.Pose(self._joints[skin], worlds[node])
+    def _skins(self, shown: set[int]) -> dict[int, int]:
+        """The skins that are needed, and of each the first node that names it."""
+        users: dict[int, int] = {}
+        for index, place in enumerate(self.graph.places):
+            if (
+                index in shown
+                and place.skin is not None
+                and place.mesh is not None
+                and self.geometries.meshes[place.mesh]
+            ):
+                users.setdefault(place.skin, index)
+        return users
 
     def _weights(self, mesh: int, place: Place | None = None, where: str = "") -> tuple[float, ...]:
         """The weights of morph targets: those of the node that shows the mesh, or else the mesh's own."""
