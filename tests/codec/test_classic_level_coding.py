@@ -95,6 +95,14 @@ def test_counts_that_contradict_the_header_are_refused() -> None:
         decode_map_conn(MAP_CONN, len(FINE.positions), len(FINE.faces) + 50, COARSE_FACES, len(COARSE_CODES))
 
 
+def test_bytes_after_the_last_face_are_refused() -> None:
+    expected = len(FINE.positions), len(FINE.faces), COARSE_FACES, len(COARSE_CODES)
+    with pytest.raises(MapConnError, match="bytes follow the last face"):
+        decode_map_conn(MAP_CONN + bytes([1] * 9), *expected)
+    with pytest.raises(MapConnError, match="bytes follow the last face"):
+        decode_map_conn(MAP_CONN, len(FINE.positions), 0, COARSE_FACES, len(COARSE_CODES))
+
+
 def test_cells_outside_of_the_grid_are_refused() -> None:
     cells = np.array([[0, 0, 0], [7, 7, 7]], np.int32)
     payload = encode_base(cells, np.zeros((0, 3), np.int32), 3)

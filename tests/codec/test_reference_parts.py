@@ -11,8 +11,7 @@ import pytest
 
 from meshtide_codec.compact import quantizers, ring_kernels
 from meshtide_codec.compact.cell_table_kernels import ABSENT, build_cell_table, find_cell
-from meshtide_codec.connectivity import new_models, read_faces, score_deep_kernels, score_kernels, shape_kernels
-from meshtide_codec.connectivity.codec import encode_with
+from meshtide_codec.connectivity import new_models, score_deep_kernels, score_kernels, shape_kernels
 from meshtide_codec.entropy import codec, mixing_kernels, model_kernels, range_coder_kernels
 from meshtide_codec.errors import PacketError
 from meshtide_codec.mesh import canonical_faces
@@ -23,6 +22,7 @@ from meshtide_codec.reference.mirror import CellTable
 from meshtide_codec.reference.models import Contexts
 from meshtide_codec.reference.octree import NOBODY, rings_of
 from meshtide_codec.reference.range_decoder import RangeDecoder
+from payloads import decode_faces, encode_faces
 
 
 def test_tables_are_the_same() -> None:
@@ -118,9 +118,10 @@ def test_faces_of_large_families(geometric: bool, deeply: bool) -> None:
     parents = np.sort(np.concatenate([[0, 1, 2], generator.integers(0, 3, count - 3)])).astype(np.int32)
     coarse_faces = canonical_faces(parents[faces])
     positions = generator.integers(0, 999, (count, 3)).astype(np.int32) if geometric else None
-    payload = encode_with(new_models(geometric=geometric, deep=deeply), faces, parents, coarse_faces, 3, positions)
     models = new_models(geometric=geometric, deep=deeply)
-    expected = read_faces(codec.PayloadReader(payload), parents, coarse_faces, 3, len(faces), positions, models)
+    payload = encode_faces(faces, parents, coarse_faces, 3, positions, models)
+    models = new_models(geometric=geometric, deep=deeply)
+    expected = decode_faces(payload, parents, coarse_faces, 3, len(faces), positions, models)
     assert np.array_equal(expected, faces)
     found = reference_faces(
         RangeDecoder(payload),
