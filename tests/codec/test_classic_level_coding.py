@@ -24,7 +24,7 @@ from meshtide_codec.stream.parts import join_parts
 
 LINEAR = FilterSpec("polynomial", degree=1)
 FINE = quantize(grid(10), 8)
-COARSE_CODES, PARENTS = np.unique(morton_codes(FINE.positions >> 4), return_inverse=True)
+COARSE_CODES, PARENTS = np.unique(morton_codes(FINE.positions >> 6), return_inverse=True)
 PARENTS = PARENTS.astype(np.int32)
 COARSE_FACES = canonical_faces(PARENTS[FINE.faces].astype(np.int32))
 MAP_CONN = encode_map_conn(PARENTS, FINE.faces, COARSE_FACES, len(COARSE_CODES))

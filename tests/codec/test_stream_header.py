@@ -137,7 +137,7 @@ def test_a_header_cut_at_any_byte_is_refused() -> None:
 
 def test_bytes_that_begin_as_no_header_does_are_refused() -> None:
     for foreign in (b"", b"\x80", b"\x89", b"\xff" * 99):
-        with pytest.raises(ContainerError, match="first byte"):
+        with pytest.raises(ContainerError, match="first byte is not 3"):
             StreamHeader.from_bytes(foreign)
 
 

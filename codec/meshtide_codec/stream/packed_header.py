@@ -107,7 +107,7 @@ def unpack_header(data: bytes, most_packets: int) -> PlainHeader:
         BadValueError: the bytes end early, or a row begins as none does.
     """
     if data[:1] != bytes([VERSION]):
-        raise BadValueError("its first byte is not that of a meshtide stream header")
+        raise BadValueError(f"its first byte is not {VERSION}; what an older meshtide wrote has to be encoded again")
     reader = _Reader(data, 1)
     number = reader.number()
     profile = PROFILES[number] if number < len(PROFILES) else reader.text(number - len(PROFILES))
