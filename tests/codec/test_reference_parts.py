@@ -108,12 +108,16 @@ def test_crowded_cell_tables_leave_out_the_same_cells() -> None:
 
 @pytest.mark.parametrize(("geometric", "deeply"), [(False, False), (True, False), (True, True)])
 def test_faces_of_large_families(geometric: bool, deeply: bool) -> None:
-    """Families beyond the lists' capacity, edges of many faces, and vertices of many half-edges."""
+    """Families beyond the lists' capacity, edges of many faces, and vertices of many half-edges.
+
+    There are fewer faces where they are coded deeply: each gate measures 256 candidates there, in plain Python.
+    """
     generator = np.random.default_rng(8)
     count = 700
-    fan = np.stack([np.zeros(300), np.arange(1, 301), np.arange(2, 302)], axis=1)
-    book = np.stack([np.full(70, 5), np.full(70, 600), np.arange(610, 680)], axis=1)
-    loose = generator.integers(0, count, (60, 3))
+    blades, pages, others = (12, 20, 4) if deeply else (300, 70, 60)
+    fan = np.stack([np.zeros(blades), np.arange(1, blades + 1), np.arange(2, blades + 2)], axis=1)
+    book = np.stack([np.full(pages, 5), np.full(pages, 600), np.arange(610, 610 + pages)], axis=1)
+    loose = generator.integers(0, count, (others, 3))
     faces = canonical_faces(np.concatenate([fan, book, loose]).astype(np.int32))
     parents = np.sort(np.concatenate([[0, 1, 2], generator.integers(0, 3, count - 3)])).astype(np.int32)
     coarse_faces = canonical_faces(parents[faces])
