@@ -60,7 +60,7 @@ def test_previews(monkeypatch: pytest.MonkeyPatch) -> None:
         assert np.array_equal(found.faces, expected.faces)
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(random_meshes(largest=30))
 @pytest.mark.parametrize("effort", Effort)
 def test_random_meshes(effort: Effort, mesh: Mesh) -> None:

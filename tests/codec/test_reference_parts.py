@@ -114,7 +114,7 @@ def test_faces_of_large_families(geometric: bool, deeply: bool) -> None:
     """
     generator = np.random.default_rng(8)
     count = 700
-    blades, pages, others = (12, 20, 4) if deeply else (300, 70, 60)
+    blades, pages, others = (12, 20, 4) if deeply else (100, 70, 20)
     fan = np.stack([np.zeros(blades), np.arange(1, blades + 1), np.arange(2, blades + 2)], axis=1)
     book = np.stack([np.full(pages, 5), np.full(pages, 600), np.arange(610, 610 + pages)], axis=1)
     loose = generator.integers(0, count, (others, 3))
