@@ -1,20 +1,25 @@
-"""What the golden streams in tests/golden hold: meshes of integers only, so that every machine makes the same ones."""
+"""What the golden streams in tests/golden hold: meshes of integers only, so that every machine makes the same ones.
+
+`tools/make_golden.py` writes them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
-from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.encoder import EncodedMesh, Options, encode
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.quantize import quantize
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+GOLDEN = Path(__file__).parent / "golden"
 
 
 def bowl() -> Mesh:
@@ -67,32 +72,51 @@ def scattered(seed: int) -> Mesh:
     return Mesh.checked(vertices, corners)
 
 
-def _variant(make: Callable[[], Mesh], spec: FilterSpec, **options: object) -> Callable[[], EncodedMesh]:
-    return partial(
-        lambda: encode(make(), ClassicOptions(bits=8, coarsest_vertices=10, filter=spec, **options))  # type: ignore[arg-type]
-    )
+@dataclass(frozen=True)
+class Variant:
+    """One of the golden streams: what is encoded, and how."""
+
+    make: Callable[[], Mesh]
+    options: Options
+    store_order: bool = False
+
+    def encode(self) -> EncodedMesh:
+        return encode(self.make(), self.options, store_order=self.store_order)
+
+    def mesh(self) -> Mesh:
+        """What its stream decodes to."""
+        return quantize(self.make(), self.options.bits).mesh()
+
+    @property
+    def machines_agree(self) -> bool:
+        """Whether all machines encode it to the same bytes: previews are fitted with sums whose order numpy chooses."""
+        return isinstance(self.options, ClassicOptions) or not self.options.previews
 
 
-def _compact(make: Callable[[], Mesh], **options: object) -> Callable[[], EncodedMesh]:
-    return partial(lambda: encode(make(), CompactOptions(bits=8, **options)))  # type: ignore[arg-type]
+def _classic(make: Callable[[], Mesh], spec: FilterSpec, **options: object) -> Variant:
+    return Variant(make, ClassicOptions(bits=8, coarsest_vertices=10, filter=spec, **options))  # type: ignore[arg-type]
+
+
+def _compact(make: Callable[[], Mesh], **options: object) -> Variant:
+    return Variant(make, CompactOptions(bits=8, **options))  # type: ignore[arg-type]
 
 
 POWER = FilterSpec("polynomial", degree=3, basis="power")
 CHEBYSHEV = FilterSpec("polynomial", degree=3, basis="chebyshev")
 
-VARIANTS: dict[str, Callable[[], EncodedMesh]] = {
-    "classic-bowl-zeroth": _variant(bowl, FilterSpec("zeroth")),
-    "classic-bowl-gaussian": _variant(bowl, FilterSpec("gaussian")),
-    "classic-bowl-taubin": _variant(bowl, FilterSpec("taubin")),
-    "classic-bowl-power": _variant(bowl, POWER),
-    "classic-bowl-power-s2": _variant(bowl, POWER, variable_from=2),
-    "classic-bowl-power-single": _variant(bowl, POWER, variable_from=99),
-    "classic-bowl-power-levels": _variant(bowl, POWER, sent_levels=frozenset({0, 1})),
-    "classic-bowl-chebyshev": _variant(bowl, CHEBYSHEV),
-    "classic-bowl-chebyshev-s2": _variant(bowl, CHEBYSHEV, variable_from=2),
-    "classic-bowl-rational": _variant(bowl, FilterSpec("rational", degree=1, denominator_degree=1)),
-    "classic-bowl-k2": _variant(bowl, POWER, drop_bits=2),
-    "classic-tangle-power": _variant(tangle, POWER),
+VARIANTS = {
+    "classic-bowl-zeroth": _classic(bowl, FilterSpec("zeroth")),
+    "classic-bowl-gaussian": _classic(bowl, FilterSpec("gaussian")),
+    "classic-bowl-taubin": _classic(bowl, FilterSpec("taubin")),
+    "classic-bowl-power": _classic(bowl, POWER),
+    "classic-bowl-power-s2": _classic(bowl, POWER, variable_from=2),
+    "classic-bowl-power-single": _classic(bowl, POWER, variable_from=99),
+    "classic-bowl-power-levels": _classic(bowl, POWER, sent_levels=frozenset({0, 1})),
+    "classic-bowl-chebyshev": _classic(bowl, CHEBYSHEV),
+    "classic-bowl-chebyshev-s2": _classic(bowl, CHEBYSHEV, variable_from=2),
+    "classic-bowl-rational": _classic(bowl, FilterSpec("rational", degree=1, denominator_degree=1)),
+    "classic-bowl-k2": _classic(bowl, POWER, drop_bits=2),
+    "classic-tangle-power": _classic(tangle, POWER),
     "compact-bowl": _compact(bowl),
     "compact-bowl-plain": _compact(bowl, mirror=False),
     "compact-bowl-slices": _compact(bowl, slices=3),
@@ -103,21 +127,9 @@ VARIANTS: dict[str, Callable[[], EncodedMesh]] = {
     "compact-twins": _compact(twins),
     "compact-twins-slices": _compact(twins, slices=3),
     **{f"compact-scattered-{seed}": _compact(partial(scattered, seed)) for seed in range(1, 6)},
-}
-LATER_VARIANTS: dict[str, Callable[[], EncodedMesh]] = {
     "compact-bowl-high": _compact(bowl, effort="high"),
     "compact-dome-high": _compact(dome, effort="high"),
     "compact-tangle-high-slices": _compact(tangle, effort="high", slices=3),
     "compact-twins-high": _compact(twins, effort="high"),
-    "compact-twins-order": lambda: encode(twins(), CompactOptions(bits=8), store_order=True),
+    "compact-twins-order": Variant(twins, CompactOptions(bits=8), store_order=True),
 }
-"""What is known from format version 3 on."""
-VARIANTS |= LATER_VARIANTS
-
-WRITTEN_AGAIN = tuple(name for name in VARIANTS if name != "compact-dome-previews")
-"""What every machine encodes to the same bytes: previews are fitted with sums whose order numpy chooses."""
-
-GOLDEN_VARIANTS: dict[int, tuple[str, ...]] = {
-    version: tuple(name for name in VARIANTS if version >= 3 or name not in LATER_VARIANTS) for version in (1, 2, 3)
-}
-"""Which variants have a file of which format version; the older ones hold the program to reading those."""

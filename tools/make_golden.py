@@ -1,34 +1,39 @@
-"""Write the golden streams of the newest format version.
+"""Write all golden streams anew, as the encoder of today makes them.
 
-Usage: python tools/make_golden.py tests/golden
+    python tools/make_golden.py [--output FOLDER]
 
-Run it once, when a format version is made; once that has been released the files are frozen and the tests hold every
-later program against them. It refuses to replace a file.
+They are to change only with the format: the tests hold encoder, decoder and reference decoder against them. Streams of
+variants that are no more are removed. What changed is told, and `git diff --stat tests/golden` shows it too.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from golden_streams import GOLDEN_VARIANTS, VARIANTS
-from meshtide_codec.stream.header import FORMAT_VERSION
+from golden_streams import GOLDEN, VARIANTS
 
 
-def main(folder: Path) -> None:
-    """Write each variant that is not there yet."""
-    target = folder / f"version-{FORMAT_VERSION}"
-    target.mkdir(exist_ok=True)
-    for name in GOLDEN_VARIANTS[FORMAT_VERSION]:
-        path = target / f"{name}.tide"
-        if path.exists():
-            print(f"{path}: kept")
-            continue
-        path.write_bytes(VARIANTS[name]().to_bytes())
-        print(f"{path}: {path.stat().st_size} bytes")
+def main() -> None:
+    """Write the stream of each variant, and remove all others."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--output", type=Path, default=GOLDEN, help="folder of the streams; tests/golden by default")
+    folder: Path = parser.parse_args().output
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in sorted(folder.glob("*.tide")):
+        if path.stem not in VARIANTS:
+            path.unlink()
+            print(f"{path}: removed")
+    for name, variant in VARIANTS.items():
+        path = folder / f"{name}.tide"
+        before = path.read_bytes() if path.exists() else None
+        data = variant.encode().to_bytes()
+        path.write_bytes(data)
+        print(f"{path}: {'as before' if data == before else 'new' if before is None else 'changed'}, {len(data)} bytes")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main()

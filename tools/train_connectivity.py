@@ -32,6 +32,7 @@ from meshtide_codec.connectivity.models import default_models
 from meshtide_codec.connectivity.score_kernels import LOGISTIC_UNIT, SCORES
 from meshtide_codec.connectivity.traversal_kernels import find_witnesses
 from meshtide_codec.connectivity.truth_kernels import build_truth
+from meshtide_codec.entropy.codec import PayloadWriter
 from meshtide_codec.entropy.model_kernels import new_contexts
 from meshtide_codec.entropy.range_coder_kernels import new_encoder
 from meshtide_codec.mesh import Mesh, canonical_faces
@@ -51,7 +52,7 @@ SCORE_LIMIT = 32767  # scores are stored in 16 bits
 
 
 class Case(NamedTuple):
-    """A level to train on, as `encode_faces` takes it."""
+    """A level to train on, as `write_faces` takes it."""
 
     faces: NDArray[np.int32]
     parents: NDArray[np.int32]
@@ -139,7 +140,7 @@ def learnt_contexts(levels: list[Case], scores: NDArray[np.int16]) -> NDArray[np
     models = default_models(new_contexts(CONTEXTS), scores.astype(np.int32))
     for case in sorted(levels, key=lambda case: len(case.faces)):
         models.scores[:] = scores
-        codec.encode_with(models, *case)
+        codec.write_faces(PayloadWriter(), *case, models)
     return models.contexts
 
 

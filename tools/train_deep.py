@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from train_geometry import Gathered, octree_of, training_octrees
 
-from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
-from meshtide_codec.compact.map_coder import encode_map
+from meshtide_codec.compact.diff_coder import new_slice_state, write_diff
+from meshtide_codec.compact.map_coder import write_map
 from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.compact.models import (
     DeepModels,
@@ -31,6 +31,7 @@ from meshtide_codec.compact.models import (
     untrained_deep_map_models,
 )
 from meshtide_codec.compact.slices import Slices
+from meshtide_codec.entropy.codec import PayloadWriter
 from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.output_policy import output_file
 
@@ -81,15 +82,24 @@ def code_diffs(octree: Octree, models: SomeModels) -> tuple[int, SomeModels]:
     mirror = find_mirror(octree.positions, octree.bits)
     slices = Slices(octree.bits)
     state = new_slice_state(octree.levels[0], slices, 0, models)
-    size = sum(len(encode_diff(octree, depth, state, slices, 0, mirror)) for depth in range(1, octree.bits + 1))
+    size = 0
+    for depth in range(1, octree.bits + 1):
+        writer = PayloadWriter()
+        write_diff(writer, octree, depth, state, slices, 0, mirror)
+        size += len(writer.payload())
     return size, state.models  # type: ignore[return-value]
 
 
 def code_maps(octree: Octree, models: SomeModels) -> tuple[int, SomeModels]:
     """Bytes of all Maps of a mesh, and what the models have become."""
     mirror = find_mirror(octree.positions, octree.bits)
-    pairs = [(coarse, fine) for coarse, fine in pairwise(octree.levels) if not coarse.all_leaves]
-    return sum(len(encode_map(coarse, fine, octree.bits, models, mirror)) for coarse, fine in pairs), models
+    size = 0
+    for coarse, fine in pairwise(octree.levels):
+        if not coarse.all_leaves:
+            writer = PayloadWriter()
+            write_map(writer, coarse, fine, octree.bits, models, mirror)
+            size += len(writer.payload())
+    return size, models
 
 
 def train(

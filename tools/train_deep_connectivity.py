@@ -24,6 +24,7 @@ from train_connectivity import Case, assembly, cases
 
 from meshtide_codec.connectivity import codec, tables
 from meshtide_codec.connectivity.models import untrained_deep_models
+from meshtide_codec.entropy.codec import PayloadWriter
 
 if TYPE_CHECKING:
     from meshtide_codec.connectivity.choice_kernels import Models
@@ -52,7 +53,14 @@ def training_cases(meshes: list[trimesh.Trimesh], rotations: int) -> list[list[C
 
 def size_of_faces(models: Models, levels: list[Case]) -> int:
     """Bytes of all faces of a mesh, coarse to fine; the models learn from them."""
-    return sum(len(codec.encode_with(models, *case)) for case in reversed(levels))
+    return sum(_size(case, models) for case in reversed(levels))
+
+
+def _size(case: Case, models: Models | None = None) -> int:
+    """Bytes of the faces of a level."""
+    writer = PayloadWriter()
+    codec.write_faces(writer, *case, models)
+    return len(writer.payload())
 
 
 def trained(meshes: list[list[Case]]) -> Models:
@@ -68,7 +76,7 @@ def trained(meshes: list[list[Case]]) -> Models:
 
 def default_size(levels: list[Case]) -> int:
     """Bytes of all faces of a mesh at effort default."""
-    return sum(len(codec.encode_faces(*case)) for case in levels)
+    return sum(_size(case) for case in levels)
 
 
 def save(models: Models, names: list[str]) -> None:

@@ -18,12 +18,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
-from meshtide_codec.compact.map_coder import encode_map
+from meshtide_codec.compact.diff_coder import new_slice_state, write_diff
+from meshtide_codec.compact.map_coder import write_map
 from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.compact.models import Models, untrained_diff_models, untrained_map_models
 from meshtide_codec.compact.octree import Octree, build_octree
 from meshtide_codec.compact.slices import Slices
+from meshtide_codec.entropy.codec import PayloadWriter
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.output_policy import output_file
@@ -96,8 +97,12 @@ def code(octree: Octree, map_models: Models, diff_models: Models) -> tuple[int, 
     for depth in range(1, octree.bits + 1):
         coarse, fine = octree.levels[depth - 1], octree.levels[depth]
         if not coarse.all_leaves:
-            maps += len(encode_map(coarse, fine, octree.bits, map_models, mirror))
-        diffs += len(encode_diff(octree, depth, state, slices, 0, mirror))
+            writer = PayloadWriter()
+            write_map(writer, coarse, fine, octree.bits, map_models, mirror)
+            maps += len(writer.payload())
+        writer = PayloadWriter()
+        write_diff(writer, octree, depth, state, slices, 0, mirror)
+        diffs += len(writer.payload())
     diff_models.adopt(state.models)
     return maps, diffs
 

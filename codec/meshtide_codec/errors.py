@@ -8,7 +8,7 @@
     ├── OptionError                an option is outside of its range (also a ValueError)
     ├── StreamError                bytes that are damaged, cut off, or not a meshtide stream
     │   ├── ContainerError         magic, version, header, packet table
-    │   │   └── VersionError       the stream is newer than this program
+    │   │   └── VersionError       the stream is of another format than this program's
     │   ├── TruncatedError         the stream ends early; what came before is usable
     │   ├── PacketError            checksum, framing or place of one packet
     │   │   ├── BaseError          contents of the coarsest mesh's packet
@@ -80,7 +80,7 @@ class ContainerError(StreamError):
 
 
 class VersionError(ContainerError):
-    """The stream is of a format version that this program does not know."""
+    """The stream is of another format version than this program's: an older meshtide wrote it, or a newer one."""
 
 
 class TruncatedError(StreamError):

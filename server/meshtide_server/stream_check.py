@@ -56,9 +56,6 @@ def check_stream(data: bytes, limits: Limits, progress: Callable[[str, float], N
     finest = header.levels[-1]
     if finest.rms or finest.maximum:
         raise _false(finest, f"a distance of {finest.maximum:g} from itself")
-    for row in header.levels:
-        if row.maximum < row.rms:
-            raise _false(row, f"a largest distance of {row.maximum:g} and a mean one of {row.rms:g}, which is larger")
     mesh, positions = _decoded(header, packets, limits, lambda part: progress(STAGE, part / 2))
     meter = distance_meter(positions, mesh.faces.astype(np.int32))
     _check_states(header, packets, limits, meter, lambda part: progress(STAGE, (1 + part) / 2))

@@ -58,7 +58,7 @@ def attempt(pick: random.Random) -> str:
 
 @cache
 def _streams() -> list[bytes]:
-    return [path.read_bytes() for path in sorted(GOLDEN.rglob("*.tide"))]
+    return [path.read_bytes() for path in sorted(GOLDEN.glob("*.tide"))]
 
 
 if __name__ == "__main__":

@@ -9,20 +9,23 @@ microseconds per vertex, rings included, kernels compiled before; every mesh is 
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 
-from meshtide_codec.compact.diff_coder import decode_diff, encode_diff, known_positions, new_slice_state
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from meshtide_codec.compact.diff_coder import known_positions, new_slice_state
 from meshtide_codec.compact.level import root_level
-from meshtide_codec.compact.map_coder import decode_map, encode_map
 from meshtide_codec.compact.mirror import Mirror, find_mirror
 from meshtide_codec.compact.models import new_map_models
 from meshtide_codec.compact.octree import Octree, build_octree
 from meshtide_codec.compact.slices import Slices, even_slices
 from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.quantize import quantize
+from payloads import decode_diff, decode_map, encode_diff, encode_map
 
 Packets = dict[tuple[int, int], bytes]
 MAP = -1  # stands for a slice in the key of a Map

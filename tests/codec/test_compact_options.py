@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from meshtide_codec.compact.display_filter import STRENGTHS, UNFILTERED, Strength
+from meshtide_codec.compact.display_filter import STRENGTHS, UNFILTERED
 from meshtide_codec.compact.effort import DeepLayers, Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
@@ -131,44 +131,3 @@ def test_packets_that_do_not_make_a_compact_stream_are_refused() -> None:
     ):
         with pytest.raises(ContainerError, match=message):
             CompactHeader.from_header(stream_header(FULL, packets=wrong))
-
-
-OLD = {"b": 4, "f": bytes(range(9)), "d": bytes([4, 12]), "m": [1, 77], "s": [0, 5, 900], "p": bytes([7, 9])}
-
-
-def test_before_version_3_options_tell_it_all() -> None:
-    found = CompactHeader.from_header(stream_header(FULL, options=OLD, version=2))
-    assert found == replace(FULL, strengths=tuple(Strength(f, 0) for f in range(9)), preview_bits=(7, 9))
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"b": -1},
-        {"b": 13},
-        {"b": None},
-        {"f": bytes(8)},
-        {"f": "text"},
-        {"d": bytes([2])},
-        {"d": bytes([13])},
-        {"d": bytes([6, 6])},
-        {"d": bytes([7, 6])},
-        {"d": [6]},
-        {"m": [3, 0]},
-        {"s": [1]},
-        {"p": bytes([3])},
-        {"p": bytes([13])},
-        {"p": bytes([7] * 9)},
-        {"x": 0},
-    ],
-    ids=str,
-)
-def test_damaged_options_of_older_versions_are_refused(change: dict[str, object]) -> None:
-    for version in (1, 2):
-        with pytest.raises(ContainerError, match="damaged stream header"):
-            CompactHeader.from_header(stream_header(FULL, options=OLD | change, version=version))
-
-
-def test_missing_options_of_older_versions_are_refused() -> None:
-    with pytest.raises(ContainerError, match="options of a compact stream"):
-        CompactHeader.from_header(stream_header(FULL, options={"b": 0}, version=2))

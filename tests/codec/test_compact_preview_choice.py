@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -38,9 +40,15 @@ def chosen(quantized: QuantizedMesh) -> list[Preview]:
     return choose_previews(quantized.positions, quantized.faces, quantized.bits)
 
 
-def test_every_distance_is_reached_by_few_vertices() -> None:
+@cache
+def bumpy() -> tuple[QuantizedMesh, tuple[Preview, ...]]:
+    """The bumpy sphere at 12 bits, and its previews."""
     quantized = quantize(bumpy_sphere(), 12)
-    previews = chosen(quantized)
+    return quantized, tuple(chosen(quantized))
+
+
+def test_every_distance_is_reached_by_few_vertices() -> None:
+    quantized, previews = bumpy()
     meter = DistortionMeter(quantized.positions.astype(float), quantized.faces)
     reached = [meter.measure(preview.vertices(12), preview.faces).rms for preview in previews]
     assert reached == sorted(reached, reverse=True)
@@ -57,13 +65,12 @@ def test_the_last_distance_is_reached_if_few_vertices_are_enough() -> None:
     meter = DistortionMeter(pyramid.positions.astype(float), pyramid.faces)
     assert meter.measure(previews[-1].vertices(12), previews[-1].faces).rms <= DISTANCES[-1]
     assert previews[-1].ratio >= LAST_RATIO
-    assert all(preview.ratio >= FINEST_RATIO for preview in chosen(quantize(bumpy_sphere(), 12)))
+    assert all(preview.ratio >= FINEST_RATIO for preview in bumpy()[1])
 
 
 def test_the_smallest_of_several_is_taken() -> None:
     """A preview of few bits is not larger than those of one bit more or less that are within its distance."""
-    quantized = quantize(bumpy_sphere(), 12)
-    first = chosen(quantized)[0]
+    quantized, (first, *_) = bumpy()
     sizes = [
         len(encode_preview(GridPreview(preview.bits, preview.positions, preview.faces)))
         for preview in (first, *make_previews(quantized.positions, quantized.faces, 12, ratios=(first.ratio,)))
@@ -73,7 +80,7 @@ def test_the_smallest_of_several_is_taken() -> None:
 
 
 def test_a_preview_that_is_small_has_none_before_it() -> None:
-    previews = chosen(quantize(bumpy_sphere(), 12))
+    _, previews = bumpy()
     assert all(len(preview.positions) > TOO_SMALL_TO_WAIT for preview in previews[1:])
 
 
@@ -94,12 +101,11 @@ def test_meshes_without_use_for_previews_have_none() -> None:
 
 
 def test_streams_open_with_them_unless_ratios_are_given() -> None:
-    mesh = bumpy_sphere()
-    previews = chosen(quantize(mesh, 10))
-    encoded = encode(mesh, CompactOptions(bits=10))
+    _, previews = bumpy()
+    encoded = encode(bumpy_sphere(), CompactOptions(bits=12))
     sent = [packet.payload for packet in encoded.packets if packet.kind is PacketKind.PREVIEW]
     assert sent == [encode_preview(GridPreview(preview.bits, preview.positions, preview.faces)) for preview in previews]
-    without = encode(mesh, CompactOptions(bits=10, previews=()))
+    without = encode(bumpy_sphere(), CompactOptions(bits=10, previews=()))
     assert all(packet.kind is not PacketKind.PREVIEW for packet in without.packets)
 
 

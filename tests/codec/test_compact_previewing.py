@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,20 +10,17 @@ from hypothesis import strategies as st
 
 from meshes import grid, random_meshes
 from meshtide_codec.compact.options import CompactOptions
-from meshtide_codec.compact.previewing import GridPreview, decode_preview, decode_preview_in_parts, encode_preview
+from meshtide_codec.compact.previewing import GridPreview, decode_preview, encode_preview
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import LimitError, MeshtideError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import quantize
-from meshtide_codec.stream.container import read_container
 from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-GOLDEN = Path(__file__).parent.parent / "golden"
 
 
 @given(random_meshes(), st.integers(4, 9))
@@ -128,22 +124,6 @@ def test_a_preview_cut_at_any_byte_or_with_a_flipped_bit_is_survived() -> None:
     variants = [payload[:end] for end in range(len(payload))]
     variants += [flipped(payload, bit) for bit in range(8 * len(payload))]
     assert refused(variants, lambda variant: decode_preview(variant, count, 6, Limits(faces=10_000))) > len(payload)
-
-
-def test_a_preview_of_an_older_version_cut_at_any_byte_or_with_a_flipped_bit_is_survived() -> None:
-    header, packets = read_container((GOLDEN / "version-2" / "compact-dome-previews.tide").read_bytes())
-    bits, payload = header.options["p"][0], packets[0].payload
-    assert len(decode_preview_in_parts(payload, bits, Limits()).cells) == header.levels[0].vertices
-    for wrong in (b"", b"\x00\x01", b"\x05\x09", b"\x80"):
-        with pytest.raises(PacketError):
-            decode_preview_in_parts(wrong, bits, Limits())
-    for limits in (Limits(vertices=5), Limits(faces=5)):
-        with pytest.raises(LimitError):
-            decode_preview_in_parts(payload, bits, limits)
-    variants = [payload[:end] for end in range(len(payload))]
-    variants += [flipped(payload, bit) for bit in range(8 * len(payload))]
-    limits = Limits(vertices=10_000, faces=10_000)
-    assert refused(variants, lambda variant: decode_preview_in_parts(variant, bits, limits)) > len(payload)
 
 
 def flipped(payload: bytes, bit: int) -> bytes:

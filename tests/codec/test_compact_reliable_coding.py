@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import copy
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -17,13 +15,6 @@ from meshtide_codec.errors import BaseError, LimitError, MapConnError, MeshtideE
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import quantize
-from meshtide_codec.stream.container import read_container
-from meshtide_codec.stream.packets import PacketKind
-
-if TYPE_CHECKING:
-    from meshtide_codec.compact.level import Level
-
-GOLDEN = Path(__file__).parent.parent / "golden"
 
 BITS = 7
 QUANTIZED = quantize(grid(12), BITS)
@@ -91,41 +82,18 @@ def test_a_mesh_of_one_vertex_has_an_empty_base() -> None:
     point = ReliableCoder(BITS, 1, None)
     octree = build_octree(np.array([[5, 6, 7]], np.int32), np.zeros((0, 3), np.int32), BITS)
     assert point.encode_base(octree, 0) == b""
-    for in_parts in (False, True):
-        levels = ReliableCoder(BITS, 1, None, in_parts=in_parts).decode_base(b"", 2, Limits())
-        assert [level.depth for level in levels] == [0, 1, 2]
-    with pytest.raises(BaseError):
-        ReliableCoder(BITS, 1, None, in_parts=True).decode_base(b"\1" * 9, 2, Limits())
-
-
-def test_what_an_older_version_wrote_in_parts_is_read_and_its_damage_noticed() -> None:
-    header, packets = read_container((GOLDEN / "version-2" / "compact-scattered-2.tide").read_bytes())
-    base = next(packet.payload for packet in packets if packet.kind is PacketKind.BASE)
-    depth = header.options["b"]
-
-    def decoded(payload: bytes) -> list[Level]:
-        reading = ReliableCoder(header.bits, header.vertices, None, in_parts=True)
-        return reading.decode_base(payload, depth, Limits(faces=10_000))
-
-    assert decoded(base)[-1].depth == depth
-    refused = 0
-    for end in range(len(base)):
-        try:
-            decoded(base[:end])
-        except (BaseError, MapConnError):
-            refused += 1
-    assert refused > len(base) // 2
+    levels = point.decode_base(b"", 2, Limits())
+    assert [level.depth for level in levels] == [0, 1, 2]
+    with pytest.raises(BaseError, match="bytes follow"):
+        point.decode_base(b"\1" * 9, 2, Limits())
 
 
 @given(st.binary(max_size=120))
 @settings(max_examples=100)
 def test_any_bytes_decode_or_raise_from_the_tree(payload: bytes) -> None:
-    in_parts = ReliableCoder(BITS, COUNT, None, in_parts=True)
     for attempt in (
         lambda: coder().decode_base(payload, 3, Limits(faces=5000)),
         lambda: coder().decode_map_conn(payload, OCTREE.levels[3], 100),
-        lambda: in_parts.decode_base(payload, 3, Limits(faces=5000)),
-        lambda: in_parts.decode_map_conn(payload, OCTREE.levels[3], 100),
     ):
         try:
             attempt()

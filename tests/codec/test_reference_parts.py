@@ -3,26 +3,45 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import dataclass
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from meshtide_codec.compact import quantizers, ring_kernels
 from meshtide_codec.compact.cell_table_kernels import ABSENT, build_cell_table, find_cell
-from meshtide_codec.connectivity import new_models, read_faces, score_deep_kernels, score_kernels, shape_kernels
-from meshtide_codec.connectivity.codec import encode_with
+from meshtide_codec.connectivity import new_models, score_deep_kernels, score_kernels, shape_kernels
 from meshtide_codec.entropy import codec, mixing_kernels, model_kernels, range_coder_kernels
-from meshtide_codec.errors import PacketError
+from meshtide_codec.errors import MapConnError, PacketError
 from meshtide_codec.mesh import canonical_faces
-from meshtide_codec.reference import class_tables, faces_deep, faces_scores, faces_shapes, mixing
+from meshtide_codec.reference import (
+    class_tables,
+    faces_candidates,
+    faces_coarse,
+    faces_deep,
+    faces_properties,
+    faces_scores,
+    faces_shapes,
+    mixing,
+)
 from meshtide_codec.reference.connectivity import decode_faces as reference_faces
 from meshtide_codec.reference.faces_states import DeepFaceStates
 from meshtide_codec.reference.mirror import CellTable
 from meshtide_codec.reference.models import Contexts
 from meshtide_codec.reference.octree import NOBODY, rings_of
 from meshtide_codec.reference.range_decoder import RangeDecoder
+from payloads import decode_faces, encode_faces
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from numpy.typing import NDArray
+
+    from meshtide_codec.connectivity.choice_kernels import Models
 
 
 def test_tables_are_the_same() -> None:
@@ -106,29 +125,96 @@ def test_crowded_cell_tables_leave_out_the_same_cells() -> None:
     assert ABSENT in expected
 
 
+@dataclass(frozen=True)
+class CodedFaces:
+    """Faces of a level, coded."""
+
+    faces: NDArray[np.int32]
+    parents: NDArray[np.int32]
+    positions: NDArray[np.int32] | None
+    deeply: bool
+
+    @cached_property
+    def coarse_faces(self) -> NDArray[np.int32]:
+        return canonical_faces(self.parents[self.faces])
+
+    @cached_property
+    def payload(self) -> bytes:
+        coarse = self.coarse_faces, int(self.parents[-1]) + 1
+        return encode_faces(self.faces, self.parents, *coarse, self.positions, self._models())
+
+    def decoded(self) -> NDArray[np.int32]:
+        coarse = self.coarse_faces, int(self.parents[-1]) + 1
+        return decode_faces(self.payload, self.parents, *coarse, len(self.faces), self.positions, self._models())
+
+    def decoded_by_the_reference(self) -> NDArray[np.int32]:
+        found = reference_faces(
+            RangeDecoder(self.payload),
+            self.parents.tolist(),
+            [(a, b, c) for a, b, c in self.coarse_faces.tolist()],
+            int(self.parents[-1]) + 1,
+            len(self.faces),
+            None if self.positions is None else [(x, y, z) for x, y, z in self.positions.tolist()],
+            DeepFaceStates() if self.deeply else None,
+        )
+        return np.array(found, np.int32)
+
+    def _models(self) -> Models:
+        return new_models(geometric=self.positions is not None, deep=self.deeply)
+
+
 @pytest.mark.parametrize(("geometric", "deeply"), [(False, False), (True, False), (True, True)])
 def test_faces_of_large_families(geometric: bool, deeply: bool) -> None:
-    """Families beyond the lists' capacity, edges of many faces, and vertices of many half-edges."""
+    """Families beyond the lists' capacity, edges of many faces, and vertices of many half-edges.
+
+    There are fewer faces where they are coded deeply: each gate measures 256 candidates there, in plain Python.
+    """
     generator = np.random.default_rng(8)
     count = 700
-    fan = np.stack([np.zeros(300), np.arange(1, 301), np.arange(2, 302)], axis=1)
-    book = np.stack([np.full(70, 5), np.full(70, 600), np.arange(610, 680)], axis=1)
-    loose = generator.integers(0, count, (60, 3))
+    blades, pages, others = (12, 12, 2) if deeply else (100, 70, 20)
+    fan = np.stack([np.zeros(blades), np.arange(1, blades + 1), np.arange(2, blades + 2)], axis=1)
+    book = np.stack([np.full(pages, 5), np.full(pages, 600), np.arange(610, 610 + pages)], axis=1)
+    loose = generator.integers(0, count, (others, 3))
     faces = canonical_faces(np.concatenate([fan, book, loose]).astype(np.int32))
     parents = np.sort(np.concatenate([[0, 1, 2], generator.integers(0, 3, count - 3)])).astype(np.int32)
-    coarse_faces = canonical_faces(parents[faces])
     positions = generator.integers(0, 999, (count, 3)).astype(np.int32) if geometric else None
-    payload = encode_with(new_models(geometric=geometric, deep=deeply), faces, parents, coarse_faces, 3, positions)
-    models = new_models(geometric=geometric, deep=deeply)
-    expected = read_faces(codec.PayloadReader(payload), parents, coarse_faces, 3, len(faces), positions, models)
-    assert np.array_equal(expected, faces)
-    found = reference_faces(
-        RangeDecoder(payload),
-        parents.tolist(),
-        [(a, b, c) for a, b, c in coarse_faces.tolist()],
-        3,
-        len(faces),
-        None if positions is None else [(x, y, z) for x, y, z in positions.tolist()],
-        DeepFaceStates() if deeply else None,
-    )
-    assert np.array_equal(np.array(found), expected)
+    coded = CodedFaces(faces, parents, positions, deeply)
+    assert np.array_equal(coded.decoded(), faces)
+    assert np.array_equal(coded.decoded_by_the_reference(), faces)
+
+
+def coarse_book(*, deeply: bool) -> CodedFaces:
+    """A coarse edge with 160 faces, both of whose ends split in two."""
+    step = np.arange(160)
+    faces = np.stack([step % 2, 2 + step // 2 % 2, 4 + step], axis=1)
+    faces[::3] = faces[::3, [1, 0, 2]]
+    across = np.array([[0, 1, 4 + page] for page in (159, 154, 149, 144)])
+    faces = canonical_faces(np.concatenate([faces, across]).astype(np.int32))
+    parents = np.concatenate([[0, 0, 1, 1], 2 + step]).astype(np.int32)
+    positions = np.random.default_rng(3).integers(0, 99, (164, 3)).astype(np.int32)
+    return CodedFaces(faces, parents, positions, deeply)
+
+
+@pytest.mark.parametrize("deeply", [False, True])
+def test_faces_over_an_edge_of_many_coarse_faces(deeply: bool) -> None:
+    coded = coarse_book(deeply=deeply)
+    assert np.array_equal(coded.decoded(), coded.faces)
+    assert np.array_equal(coded.decoded_by_the_reference(), coded.faces)
+
+
+@pytest.mark.parametrize(
+    ("module", "limit"),
+    [
+        (faces_coarse, "EDGE_LIMIT"),
+        (faces_candidates, "NEIGHBOUR_LIMIT"),
+        (faces_properties, "FAMILY_SCAN_LIMIT"),
+        (faces_properties, "SPHERE_LIMIT"),
+    ],
+)
+def test_limits_of_what_is_looked_at_are_part_of_the_format(
+    module: ModuleType, limit: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    coded = coarse_book(deeply=True)
+    monkeypatch.setattr(module, limit, getattr(module, limit) - 1)
+    with pytest.raises(MapConnError):
+        coded.decoded_by_the_reference()

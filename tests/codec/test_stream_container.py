@@ -97,14 +97,16 @@ def test_bytes_after_the_end_are_refused() -> None:
         read_container(FILE + b"abc")
 
 
-def test_foreign_files_and_newer_versions() -> None:
+def test_foreign_files_and_other_versions() -> None:
     for foreign in (b"ply\nformat ascii 1.0", b"\x89PNG\r\n\x1a\n" + bytes(100), b"x"):
         with pytest.raises(ContainerError, match="not a .tide file"):
             read_container(foreign)
-    with pytest.raises(VersionError, match="version 4"):
-        read_container(FILE[:8] + b"\x04\x00" + FILE[10:])
-    with pytest.raises(ContainerError, match="header of version 3 in a file of version 1"):
-        read_container(FILE[:8] + b"\x01\x00" + FILE[10:])
+    for version, wrong in ((1, "older meshtide .format 1.: encode it again"), (4, "newer meshtide .format 4;")):
+        with pytest.raises(VersionError, match=wrong):
+            read_container(FILE[:8] + bytes([version, 0]) + FILE[10:])
+        header = bytes([version]) + STREAM.header.to_bytes()[1:]
+        with pytest.raises(VersionError, match=wrong):
+            read_container(preamble(header))
 
 
 def test_a_header_over_the_limit_is_refused_before_it_comes() -> None:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshtide_codec.reference.packed_header import read_packed_header
@@ -49,11 +49,13 @@ PLAIN = PlainHeader(
 
 
 @given(headers())
+@settings(max_examples=50)
 def test_any_header_comes_back(header: PlainHeader) -> None:
     assert unpack_header(pack_header(header), 1000) == header
 
 
 @given(headers())
+@settings(max_examples=50)
 def test_the_reference_reads_the_same(header: PlainHeader) -> None:
     found = read_packed_header(pack_header(header))
     assert (found.profile, found.options, found.bits) == (header.profile, header.options, header.bits)

@@ -11,7 +11,7 @@ import httpx
 from hosted_folder import serving
 from meshtide_codec.command_line import ExitCode
 
-GOLDEN = Path(__file__).parents[1] / "golden" / "version-3"
+GOLDEN = Path(__file__).parents[1] / "golden"
 FILES = {
     "vase": "compact-scattered-1",
     "scans/bunny": "compact-scattered-2",

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
-GOLDEN = Path(__file__).parents[1] / "golden" / "version-3"
+GOLDEN = Path(__file__).parents[1] / "golden"
 TETRAHEDRON = """\
 v 0 0 0
 v 1 0 0

@@ -16,7 +16,7 @@ from typing import Any
 from meshtide_codec.errors import MeshFileError
 from meshtide_server import encoding
 
-STREAM = Path(__file__).parents[1] / "golden" / "version-3" / "compact-scattered-1.tide"
+STREAM = Path(__file__).parents[1] / "golden" / "compact-scattered-1.tide"
 BURNT_SECONDS = 0.6
 """Processor time that a job takes whose file's name begins with "burn"."""
 

@@ -84,6 +84,7 @@ async def test_good_and_bad_neighbours(
     (folder / "cut.tide").write_bytes(make_stream()[:-5])
     (folder / "foreign.tide").write_text("hello")
     (folder / "empty.tide").touch()
+    (folder / "older.tide").write_bytes(make_stream()[:8] + b"\2\0" + make_stream()[10:])
     (folder / "bad.obj").touch()
     (folder / "Good One.PLY").touch()
     (folder / "notes.txt").touch()
@@ -97,12 +98,14 @@ async def test_good_and_bad_neighbours(
             "empty": Status.FAILED,
             "foreign": Status.FAILED,
             "good-one": Status.READY,
+            "older": Status.FAILED,
             "small": Status.READY,
         }
         reasons = {mesh.id: mesh.reason for mesh in library.meshes if mesh.reason}
         assert reasons["bad"] == "bad.obj: face 3 names vertex 99 of 8"
         assert "the file ends after" in reasons["cut"]
         assert "not a .tide file" in reasons["foreign"]
+        assert "older meshtide (format 2): encode it again" in reasons["older"]
         assert "bad cannot be served" in caplog.text
     assert encoders[0].closed
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.classic import coding_kernels
-from meshtide_codec.connectivity import decode_faces, encode_faces
+from meshtide_codec.connectivity import read_faces, write_faces
 from meshtide_codec.entropy import codec as entropy
 from meshtide_codec.entropy.model_kernels import new_contexts
 from meshtide_codec.errors import BaseError, DiffError, MapConnError, ParamError
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 EXPECTED_BYTES_PER_VALUE = 1
 HALF_GAP_BITS = 30
+NO_FACES = np.zeros((0, 3), np.int32)
 
 
 def encode_base(cells: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -> bytes:
@@ -43,8 +44,8 @@ def encode_base(cells: NDArray[np.int32], faces: NDArray[np.int32], bits: int) -
         ),
         8 * len(cells),
     )
-    face_payload = encode_faces(faces, np.zeros(len(cells), np.int32), np.zeros((0, 3), np.int32), 1)
-    return join_parts([cell_payload, face_payload])
+    parents = np.zeros(len(cells), np.int32)
+    return join_parts([cell_payload, _face_payload(faces, parents, NO_FACES, 1)])
 
 
 def decode_base(
@@ -64,7 +65,7 @@ def decode_base(
         raise BaseError(f"cells do not fit a grid of {bits} bits; the stream is damaged")
     cells = morton_positions(codes.astype(np.uint64)).astype(np.int32)
     parents = np.zeros(vertex_count, np.int32)
-    return cells, decode_faces(face_payload, parents, np.zeros((0, 3), np.int32), 1, face_count)
+    return cells, _faces(face_payload, parents, NO_FACES, 1, face_count)
 
 
 def encode_map_conn(
@@ -78,7 +79,7 @@ def encode_map_conn(
         ),
         EXPECTED_BYTES_PER_VALUE * coarse_count,
     )
-    return join_parts([count_payload, encode_faces(faces, parents, coarse_faces, coarse_count)])
+    return join_parts([count_payload, _face_payload(faces, parents, coarse_faces, coarse_count)])
 
 
 def decode_map_conn(
@@ -97,7 +98,7 @@ def decode_map_conn(
     if status != coding_kernels.OK or not entropy.fully_read(coder, count_payload):
         raise MapConnError(f"child counts do not add up to the header's {vertex_count} vertices; the stream is damaged")
     parents = np.repeat(np.arange(coarse_count, dtype=np.int32), counts)
-    return parents, decode_faces(face_payload, parents, coarse_faces, coarse_count, face_count)
+    return parents, _faces(face_payload, parents, coarse_faces, coarse_count, face_count)
 
 
 def encode_param(coefficients: NDArray[np.float32]) -> bytes:
@@ -141,6 +142,28 @@ def decode_diff(payload: bytes, vertex_count: int) -> NDArray[np.int64]:
     if status != coding_kernels.OK or not entropy.fully_read(coder, payload):
         raise DiffError(f"the payload does not hold {vertex_count} Diffs; the stream is damaged")
     return differences
+
+
+def _face_payload(
+    faces: NDArray[np.int32], parents: NDArray[np.int32], coarse_faces: NDArray[np.int32], coarse_count: int
+) -> bytes:
+    writer = entropy.PayloadWriter()
+    write_faces(writer, faces, parents, coarse_faces, coarse_count)
+    return writer.payload()
+
+
+def _faces(
+    payload: bytes,
+    parents: NDArray[np.int32],
+    coarse_faces: NDArray[np.int32],
+    coarse_count: int,
+    face_count: int,
+) -> NDArray[np.int32]:
+    reader = entropy.PayloadReader(payload)
+    faces = read_faces(reader, parents, coarse_faces, coarse_count, face_count)
+    if not reader.finished:
+        raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
+    return faces
 
 
 def _two_parts(payload: bytes, error_type: type[BaseError | MapConnError]) -> tuple[bytes, bytes]:

@@ -15,9 +15,9 @@ from meshtide_codec.compact.difference_coding import DifferenceCoder
 from meshtide_codec.compact.display_filter import drawn_positions
 from meshtide_codec.compact.effort import DeepLayers
 from meshtide_codec.compact.level import root_level
-from meshtide_codec.compact.options import PLACES_BY_PACKETS, CompactHeader
+from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.compact.perturbation import SliceShifts, shifted_positions
-from meshtide_codec.compact.previewing import decode_preview, decode_preview_in_parts
+from meshtide_codec.compact.previewing import decode_preview
 from meshtide_codec.compact.reliable_coding import NO_FACES, ReliableCoder
 from meshtide_codec.errors import ContainerError, MapConnError, PacketError
 from meshtide_codec.stream.packets import Packet, PacketKind
@@ -53,20 +53,15 @@ class CompactDecoder:
         for entry in header.packets:
             if entry.kind is PacketKind.MAP_CONN and entry.level not in self._face_counts:
                 raise ContainerError(f"damaged stream header: its level table lacks level {entry.level}")
-        self._in_parts = header.version < PLACES_BY_PACKETS
-        self._reliable = ReliableCoder(
-            header.bits, header.vertices, self._options.mirror, in_parts=self._in_parts, deep=self._options.deep
-        )
+        self._reliable = ReliableCoder(header.bits, header.vertices, self._options.mirror, deep=self._options.deep)
         self._levels: list[Level] = []
         self._waiting: dict[int, bytes] = {}
         self._previews: dict[int, GridPreview] = {}
         slices = self._options.slices
         root = root_level(header.vertices)
         deep = DeepLayers.DIFFS in self._options.deep
-        self._coders = [
-            DifferenceCoder(root, slices, i, self._options.mirror, deep=deep, in_parts=self._in_parts)
-            for i in range(len(slices))
-        ]
+        mirror = self._options.mirror
+        self._coders = [DifferenceCoder(root, slices, i, mirror, deep=deep) for i in range(len(slices))]
         self._diffs: list[dict[int, bytes]] = [{} for _ in self._coders]
         self._reached = Counter({0: len(self._coders)})  # how many slices have come to which depth
         self._told = 0  # Diffs that have told something of a vertex
@@ -169,9 +164,6 @@ class CompactDecoder:
         return place if place < self._options.previews else -1
 
     def _decoded_preview(self, packet: Packet) -> GridPreview:
-        if self._in_parts:
-            bits = self._options.preview_bits[self._preview_place(packet.level)]
-            return decode_preview_in_parts(packet.payload, bits, self._limits)
         if packet.level not in self._vertex_counts:
             raise PacketError("the header has no state of this level")
         return decode_preview(packet.payload, self._vertex_counts[packet.level], self._bits, self._limits)
@@ -209,12 +201,10 @@ class CompactDecoder:
             if depth not in waiting or len(self._levels) <= depth:
                 return
             before = coder.depth
-            try:
-                coder.decode(waiting.pop(depth), self._levels[before + 1 : depth + 1])
-            finally:  # bit planes before a damage are kept
-                self._note(before, coder)
-                if self._shifts:
-                    self._shifts[index].go_on(coder.state)
+            coder.decode(waiting.pop(depth), self._levels[before + 1 : depth + 1])
+            self._note(before, coder)
+            if self._shifts:
+                self._shifts[index].go_on(coder.state)
 
     def _note(self, before: int, coder: DifferenceCoder) -> None:
         """Count a slice among those of the depth that it has reached, without a look at all the others."""

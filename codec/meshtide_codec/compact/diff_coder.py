@@ -19,7 +19,6 @@ from meshtide_codec.compact import diff_prediction_kernels as prediction
 from meshtide_codec.compact.diff_row_kernels import fill_rows
 from meshtide_codec.compact.mirror_kernels import find_partners
 from meshtide_codec.compact.models import DeepModels, trained_deep_diff_models, trained_diff_models
-from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import DiffError
 
 if TYPE_CHECKING:
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from meshtide_codec.compact.models import Models
     from meshtide_codec.compact.octree import Octree
     from meshtide_codec.compact.slices import Slices
+    from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
 PACKET = "Diff"
@@ -90,24 +90,6 @@ def new_slice_state(
     )
 
 
-def encode_diff(
-    octree: Octree, depth: int, state: SliceState, slices: Slices, slice_index: int, mirror: Mirror | None = None
-) -> bytes:
-    """The Diff of a slice at `depth`, empty when no leaf of the slice is coarser; `state` goes on to `depth`.
-
-    Args:
-        octree: the mesh.
-        depth: the depth that is coded, state.depth + 1.
-        state: the slice's state after its previous Diff.
-        slices: the stream's slices.
-        slice_index: which of them.
-        mirror: the stream's mirror plane, if it has one.
-    """
-    writer = PayloadWriter()
-    write_diff(writer, octree, depth, state, slices, slice_index, mirror)
-    return writer.payload()
-
-
 def write_diff(
     writer: PayloadWriter,
     octree: Octree,
@@ -117,7 +99,17 @@ def write_diff(
     slice_index: int,
     mirror: Mirror | None = None,
 ) -> None:
-    """Like `encode_diff`, into a payload that holds more."""
+    """Add the Diff of a slice at `depth`, nothing when no leaf of the slice is coarser; `state` goes on to `depth`.
+
+    Args:
+        writer: of the payload, which may hold more.
+        octree: the mesh.
+        depth: the depth that is coded, state.depth + 1.
+        state: the slice's state after its previous Diff.
+        slices: the stream's slices.
+        slice_index: which of them.
+        mirror: the stream's mirror plane, if it has one.
+    """
     level = octree.levels[depth]
     plane = _BitPlane(level, state, slices.vertices(level, slice_index), mirror)
     true_cells = octree.positions[octree.first_vertices[depth][plane.owners]] >> (octree.bits - depth)
@@ -128,40 +120,6 @@ def write_diff(
     _go_on(state, writer.write(write, expected_bytes=64 + len(plane.owners) // 2))
 
 
-def decode_diff(
-    payload: bytes | memoryview,
-    level: Level,
-    state: SliceState,
-    slices: Slices,
-    slice_index: int,
-    mirror: Mirror | None = None,
-) -> None:
-    """Bring `state` from level.depth - 1 to level.depth; it is left as it is when the payload is damaged.
-
-    Args:
-        payload: what `encode_diff` returned.
-        level: level of the depth that is decoded, with faces.
-        state: the slice's state after its previous Diff.
-        slices: the stream's slices.
-        slice_index: which of them.
-        mirror: the stream's mirror plane, if it has one.
-
-    Raises:
-        DiffError: an earlier Diff of the slice is missing, or the payload is too long.
-    """
-    plane = _BitPlane(level, state, slices.vertices(level, slice_index), mirror)
-    reader = PayloadReader(payload)
-    finished = plane.read(reader)
-    needless = len(payload) > 0 and len(plane.owners) == 0
-    if needless or not reader.finished:
-        raise DiffError(
-            f"the Diff of depth {level.depth}, slice {slice_index}, has {len(payload)} bytes where fewer are needed; "
-            "it is damaged",
-            packet=PACKET,
-        )
-    _go_on(state, finished)
-
-
 def read_diff(
     reader: PayloadReader,
     level: Level,
@@ -170,7 +128,15 @@ def read_diff(
     slice_index: int,
     mirror: Mirror | None = None,
 ) -> None:
-    """Like `decode_diff`, from a payload that may hold more.
+    """Bring `state` from level.depth - 1 to level.depth.
+
+    Args:
+        reader: of the payload, which may hold more than what `write_diff` added.
+        level: level of the depth that is decoded, with faces.
+        state: the slice's state after its previous Diff.
+        slices: the stream's slices.
+        slice_index: which of them.
+        mirror: the stream's mirror plane, if it has one.
 
     Raises:
         DiffError: an earlier Diff of the slice is missing.

@@ -1,7 +1,7 @@
 """Diff packets of a compact stream: one or more bit planes of one slice.
 
 Bit planes that are small travel together, since each packet costs about ten bytes of header. They are range-coded in
-one go; before format version 3 each was a part of its own.
+one go.
 """
 
 from __future__ import annotations
@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from meshtide_codec.compact.diff_coder import decode_diff, is_empty, new_slice_state, read_diff, write_diff
+from meshtide_codec.compact.diff_coder import is_empty, new_slice_state, read_diff, write_diff
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import DiffError
-from meshtide_codec.stream.parts import split_parts
-from meshtide_codec.stream.plain_values import BadValueError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,7 +35,6 @@ class DifferenceCoder:
         index: which of them.
         mirror: the plane of symmetry, if one is used.
         deep: whether they are coded deeply.
-        in_parts: whether packets that are read are made of parts, as before format version 3.
     """
 
     def __init__(
@@ -48,9 +45,7 @@ class DifferenceCoder:
         mirror: Mirror | None,
         *,
         deep: bool = False,
-        in_parts: bool = False,
     ) -> None:
-        self._in_parts = in_parts
         self.state: SliceState = new_slice_state(root, slices, index, deep=deep)
         self._slices = slices
         self._index = index
@@ -68,13 +63,10 @@ class DifferenceCoder:
         """Take a packet that holds the bit planes of the depths of `levels`, which must be the next ones.
 
         Raises:
-            DiffError: the payload is damaged; none of its bit planes is kept, before version 3 those before the damage.
+            DiffError: the payload is damaged; none of its bit planes is kept.
         """
         if not payload and is_empty(self.state, levels[-1], self._slices, self._index):
             self.state.depth = levels[-1].depth
-            return
-        if self._in_parts:
-            self._decode_parts(payload, levels)
             return
         reader = PayloadReader(payload)
         before = replace(self.state)
@@ -85,14 +77,6 @@ class DifferenceCoder:
             raise DiffError(
                 f"bytes follow the last bit plane of slice {self._index}; the stream is damaged", offset=reader.offset
             )
-
-    def _decode_parts(self, payload: bytes, levels: Sequence[Level]) -> None:
-        try:
-            parts = split_parts(payload, len(levels))
-        except BadValueError as error:
-            raise DiffError(f"{error}; the stream is damaged", offset=0) from error
-        for level, part in zip(levels, parts, strict=True):
-            decode_diff(part, level, self.state, self._slices, self._index, self._mirror)
 
     @property
     def depth(self) -> int:

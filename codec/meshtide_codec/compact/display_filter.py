@@ -31,7 +31,7 @@ class Strength(NamedTuple):
 
     Attributes:
         smoothing: f, 0 to 255.
-        sharpening: g, 0 to 255; 0 before format version 3.
+        sharpening: g, 0 to 255.
     """
 
     smoothing: int
@@ -46,7 +46,7 @@ STRENGTHS = tuple(
         (64, 64), (77, 51), (77, 64), (96, 0), (96, 51), (96, 64), (115, 0), (115, 64),
     )
 )  # fmt: skip
-"""Those that a header of version 3 can tell: found one after the other, each the one that brings the levels of eight
+"""Those that a header can tell: found one after the other, each the one that brings the levels of eight
 meshes nearest on average."""
 
 

@@ -17,31 +17,16 @@ from meshtide_codec.compact.map_deep_kernels import new_deep_map
 from meshtide_codec.compact.map_surface_kernels import new_cell_surfaces
 from meshtide_codec.compact.mirror import mirrored_cells
 from meshtide_codec.compact.models import DeepModels, Models
-from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import MapConnError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.compact.mirror import Mirror
+    from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
 PACKET = "Map&Conn"
-
-
-def encode_map(coarse: Level, fine: Level, bits: int, models: Models, mirror: Mirror | None = None) -> bytes:
-    """The Map from `coarse`, whose faces are known, to `fine` at the next depth; `models` learn from it.
-
-    Args:
-        coarse: level of depth b - 1 with faces; not all of its cells are leaves.
-        fine: level of depth b, as `build_octree` made it.
-        bits: depth of the finest level.
-        models: states after the previous Map; they go on to the states after this one.
-        mirror: the stream's mirror plane, if it has one.
-    """
-    writer = PayloadWriter()
-    write_map(writer, coarse, fine, bits, models, mirror)
-    return writer.payload()
 
 
 def write_map(
@@ -52,7 +37,16 @@ def write_map(
     models: Models,
     mirror: Mirror | None,
 ) -> None:
-    """Like `encode_map`, into a payload that holds more."""
+    """Add the Map from `coarse`, whose faces are known, to `fine` at the next depth; `models` learn from it.
+
+    Args:
+        writer: of the payload, which may hold more.
+        coarse: level of depth b - 1 with faces; not all of its cells are leaves.
+        fine: level of depth b, as `build_octree` made it.
+        bits: depth of the finest level.
+        models: states after the previous Map; they go on to the states after this one.
+        mirror: the stream's mirror plane, if it has one.
+    """
     occupied, leaf = _child_bits(coarse, fine)
 
     def write(coder: Coder, buffer: Buffer) -> Models:
@@ -63,46 +57,21 @@ def write_map(
     models.adopt(writer.write(write, expected_bytes=fine.vertex_count))
 
 
-def decode_map(
-    payload: bytes | memoryview,
-    coarse: Level,
-    bits: int,
-    models: Models,
-    vertex_count: int,
-    mirror: Mirror | None = None,
+def read_map(
+    reader: PayloadReader, coarse: Level, bits: int, models: Models, vertex_count: int, mirror: Mirror | None
 ) -> Level:
     """The level of the next depth, without faces, from a Map; `models` learn from it.
 
     Args:
-        payload: what `encode_map` returned.
+        reader: of the payload, which may hold more than what `write_map` added.
         coarse: level of depth b - 1 with faces; not all of its cells are leaves.
         bits: depth of the finest level.
-        models: states after the previous Map; left as they are when the payload is damaged.
+        models: states after the previous Map; of no use any more when the payload is damaged.
         vertex_count: finest vertices of the mesh, from the stream header.
         mirror: the stream's mirror plane, if it has one.
 
     Raises:
-        MapConnError: the payload claims more vertices than the mesh has, is too long, or does not add up.
-    """
-    reader = PayloadReader(payload)
-    seen = models.copy()
-    fine = read_map(reader, coarse, bits, seen, vertex_count, mirror)
-    if not reader.finished:
-        raise MapConnError(
-            f"the Map of depth {fine.depth} goes on for {len(payload)} bytes where fewer are needed; it is damaged",
-            packet=PACKET,
-        )
-    models.adopt(seen)
-    return fine
-
-
-def read_map(
-    reader: PayloadReader, coarse: Level, bits: int, models: Models, vertex_count: int, mirror: Mirror | None
-) -> Level:
-    """Like `decode_map`, from a payload that may hold more.
-
-    Raises:
-        MapConnError: as there, but for the length; `models` are of no use any more.
+        MapConnError: the payload claims more vertices than the mesh has, or does not add up.
     """
     depth = coarse.depth + 1
     if coarse.all_leaves or depth > bits:

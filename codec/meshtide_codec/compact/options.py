@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 PROFILE = "compact"
 MAXIMUM_SLICES = 4096
 MAXIMUM_PREVIEWS = 8
-PLACES_BY_PACKETS = 3
-"""The format version from which on the packet table alone tells what is sent at which depth."""
 MAXIMUM_DEEP_SLICES = 512
 """Slices at effort high: each has models of its own, six times as large as at effort default."""
 
@@ -81,8 +79,6 @@ class CompactHeader:
         mirror: the plane of symmetry, if one is used.
         slices: where the slices begin.
         previews: how many previews there are.
-        preview_bits: bits per coordinate of each of them, in the order in which they are sent, if the header tells
-            them, as it does before format version 3.
         deep: the layers that are coded deeply.
     """
 
@@ -92,7 +88,6 @@ class CompactHeader:
     mirror: Mirror | None
     slices: Slices
     previews: int
-    preview_bits: tuple[int, ...] = ()
     deep: DeepLayers = DeepLayers.NONE
 
     def to_options(self) -> dict[str, Any]:
@@ -116,12 +111,12 @@ class CompactHeader:
             ContainerError: a field is missing, unknown or out of range.
         """
         try:
-            return cls._from_options(header) if header.version < PLACES_BY_PACKETS else cls._from_packets(header)
+            return cls._checked(header)
         except (plain_values.BadValueError, OptionError) as error:
             raise ContainerError(f"damaged stream header: {error}") from error
 
     @classmethod
-    def _from_packets(cls, header: StreamHeader) -> CompactHeader:
+    def _checked(cls, header: StreamHeader) -> CompactHeader:
         options, bits = header.options, header.bits
         if not set(options) <= {"f", "m", "s", "e"}:
             raise plain_values.BadValueError(f"options of a compact stream are not {plain_values.shown(options)}")
@@ -151,29 +146,6 @@ class CompactHeader:
             slices=slices,
             previews=previews,
             deep=deep,
-        )
-
-    @classmethod
-    def _from_options(cls, header: StreamHeader) -> CompactHeader:
-        options, bits = header.options, header.bits
-        if not {"b", "f", "d"} <= set(options) <= {"b", "f", "d", "m", "s", "p"}:
-            raise plain_values.BadValueError(f"options of a compact stream are not {plain_values.shown(options)}")
-        base_depth = plain_values.integer(options["b"], "base depth", 0, bits)
-        depths = plain_values.binary(options["d"], "depths of Diffs", LARGEST_B)
-        if any(not base_depth <= depth <= bits for depth in depths) or list(depths) != sorted(set(depths)):
-            raise plain_values.BadValueError(f"depths of Diffs must ascend in {base_depth}..{bits}")
-        count = bits - base_depth + 1
-        previews = plain_values.binary(options.get("p", b""), "previews", MAXIMUM_PREVIEWS)
-        if any(not SMALLEST_B <= preview <= bits for preview in previews):
-            raise plain_values.BadValueError(f"bits of previews must be {SMALLEST_B}..{bits}")
-        return cls(
-            base_depth=base_depth,
-            strengths=tuple(Strength(f, 0) for f in plain_values.binary(options["f"], "strengths", count, count)),
-            diff_depths=tuple(depths),
-            mirror=_mirror(options, bits),
-            slices=_slices(options, bits, header.vertices),
-            previews=len(previews),
-            preview_bits=tuple(previews),
         )
 
 

@@ -3,7 +3,7 @@
 The payload is a number that tells the preview's bits and the depth at which all vertices are alone in their cells;
 then, range-coded in one go, the Base of all levels down to that depth and the bit plane of each depth. How many
 vertices there are stands in the stream's header. Grid point p of a preview of b bits stands at p (2^B - 1) / (2^b - 1)
-finest steps. Before format version 3 each of these was a part of its own (`decode_preview_in_parts`).
+finest steps.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from meshtide_codec.compact.slices import Slices
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.errors import PacketError
 from meshtide_codec.quantize import SMALLEST_B, grid_steps
-from meshtide_codec.stream.parts import join_parts, read_number, split_parts, write_number
+from meshtide_codec.stream.parts import read_number, write_number
 from meshtide_codec.stream.plain_values import BadValueError
 
 if TYPE_CHECKING:
@@ -92,29 +92,6 @@ def decode_preview(payload: bytes, vertices: int, largest_bits: int, limits: Lim
         coder.read(reader, level)
     if not reader.finished:
         raise PacketError("bytes follow the last bit plane; the stream is damaged", offset=position + reader.offset)
-    return _preview(bits, levels, coder)
-
-
-def decode_preview_in_parts(payload: bytes, bits: int, limits: Limits) -> GridPreview:
-    """A preview of `bits` bits from a stream before version 3: its vertices, the depth, then parts.
-
-    Raises:
-        PacketError: the payload is damaged.
-        LimitError: it claims more vertices or faces than `limits` allow.
-    """
-    try:
-        count, position = read_number(payload, 0)
-        deepest, position = read_number(payload, position)
-        base, *planes = split_parts(payload[position:], bits + 1)
-    except BadValueError as error:
-        raise PacketError(f"{error}; the stream is damaged", offset=0) from error
-    if count < 1 or deepest > bits:
-        raise PacketError(f"a preview of {count} vertices at depth {deepest}; the stream is damaged", offset=0)
-    limits.check_mesh(count, 0)
-    levels = ReliableCoder(bits, count, None, in_parts=True).decode_base(base, deepest, limits)
-    _deepen(levels, bits)
-    coder = DifferenceCoder(levels[0], Slices(bits), 0, None, in_parts=True)
-    coder.decode(join_parts(planes), levels[1:])
     return _preview(bits, levels, coder)
 
 

@@ -7,9 +7,8 @@ Base      for each depth from 1 to the base depth the Map, how many faces there 
 Map&Conn  Map and faces
 ========  ======================================================================================================
 
-Before format version 3 each Map and the faces of each depth were a part of their own, the face counts in front. Once
-all cells are leaves there are no Maps any more and the faces stay the same. The faces of a depth are coded given those
-of the depth before, the Map, and the centres of the cells. Nothing here depends on a Diff.
+Once all cells are leaves there are no Maps any more and the faces stay the same. The faces of a depth are coded given
+those of the depth before, the Map, and the centres of the cells. Nothing here depends on a Diff.
 """
 
 from __future__ import annotations
@@ -21,15 +20,13 @@ import numpy as np
 
 from meshtide_codec.compact.effort import DeepLayers
 from meshtide_codec.compact.level import root_level
-from meshtide_codec.compact.map_coder import decode_map, read_map, write_map
+from meshtide_codec.compact.map_coder import read_map, write_map
 from meshtide_codec.compact.models import new_deep_map_models, new_map_models
-from meshtide_codec.connectivity import decode_faces, new_models, read_faces, write_faces
+from meshtide_codec.connectivity import new_models, read_faces, write_faces
 from meshtide_codec.connectivity.models import copied
 from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.entropy.model_kernels import SIGNED_CONTEXTS, code_signed, new_contexts
 from meshtide_codec.errors import BaseError, MapConnError, StreamError
-from meshtide_codec.stream.parts import read_number, split_parts
-from meshtide_codec.stream.plain_values import BadValueError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,7 +50,6 @@ class ReliableCoder:
         bits: depth of the finest level.
         vertices: vertices of the finest level.
         mirror: the plane of symmetry, if one is used.
-        in_parts: whether payloads that are read are made of parts, as before format version 3.
         deep: the layers that are coded deeply; what is learnt from such faces is kept from level to level.
 
     Attributes:
@@ -66,13 +62,11 @@ class ReliableCoder:
         vertices: int,
         mirror: Mirror | None,
         *,
-        in_parts: bool = False,
         deep: DeepLayers = DeepLayers.NONE,
     ) -> None:
         self._bits = bits
         self._vertices = vertices
         self._mirror = mirror
-        self._in_parts = in_parts
         self.map_bytes = 0
         self._models = new_deep_map_models() if DeepLayers.MAPS in deep else new_map_models()
         self._face_models = new_models(geometric=True, deep=True) if DeepLayers.FACES in deep else None
@@ -101,8 +95,6 @@ class ReliableCoder:
             LimitError: a level over the limits.
         """
         with self._forgetting_damage():
-            if self._in_parts:
-                return self._decode_base_in_parts(payload, base_depth, limits)
             reader = PayloadReader(payload)
             levels = self.read_base(reader, base_depth, limits)
             if not reader.finished:
@@ -146,21 +138,12 @@ class ReliableCoder:
             MapConnError: the payload is damaged.
         """
         with self._forgetting_damage():
-            return self._decode_map_conn(payload, coarse, face_count)
-
-    def _decode_map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
-        if self._in_parts:
-            try:
-                map_payload, face_payload = split_parts(payload, 2)
-            except BadValueError as error:
-                raise MapConnError(f"{error}; the stream is damaged", offset=0) from error
-            return self._decode_parts(map_payload, face_payload, coarse, face_count)
-        reader = PayloadReader(payload)
-        fine = self._read_map(reader, coarse)
-        fine = self._read_faces(reader, coarse, fine, face_count)
-        if not reader.finished:
-            raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
-        return fine
+            reader = PayloadReader(payload)
+            fine = self._read_map(reader, coarse)
+            fine = self._read_faces(reader, coarse, fine, face_count)
+            if not reader.finished:
+                raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
+            return fine
 
     @contextmanager
     def _forgetting_damage(self) -> Iterator[None]:
@@ -186,36 +169,6 @@ class ReliableCoder:
     def _read_faces(self, reader: PayloadReader, coarse: Level, fine: Level, face_count: int) -> Level:
         arguments = fine.parents, _faces(coarse), coarse.vertex_count, face_count, fine.centres
         return fine.with_faces(read_faces(reader, *arguments, self._face_models))
-
-    def _decode_base_in_parts(self, payload: bytes, base_depth: int, limits: Limits) -> list[Level]:
-        levels = [root_level(self._vertices)]
-        try:
-            face_counts = []
-            position = 0
-            for _ in range(0 if levels[0].all_leaves else base_depth):
-                count, position = read_number(payload, position)
-                limits.check_mesh(0, count)
-                face_counts.append(count)
-            parts = split_parts(payload[position:], 2 * len(face_counts)) if face_counts else [payload]
-        except BadValueError as error:
-            raise BaseError(f"{error}; the stream is damaged", offset=0) from error
-        if not face_counts and payload:
-            raise BaseError("a mesh of one vertex has an empty Base packet; the stream is damaged", offset=0)
-        if levels[0].all_leaves:
-            return [*levels, *_deepened(levels[0], base_depth)]
-        for depth in range(1, base_depth + 1):
-            if levels[-1].all_leaves:
-                raise BaseError("the coarsest level lies deeper than the last Map; the stream is damaged")
-            map_payload, face_payload = parts[2 * depth - 2 : 2 * depth]
-            levels.append(self._decode_parts(map_payload, face_payload, levels[-1], face_counts[depth - 1]))
-        return levels
-
-    def _decode_parts(self, map_payload: bytes, face_payload: bytes, coarse: Level, face_count: int) -> Level:
-        self.map_bytes += len(map_payload)
-        fine = decode_map(map_payload, coarse, self._bits, self._models, self._vertices, self._mirror)
-        return fine.with_faces(
-            decode_faces(face_payload, fine.parents, _faces(coarse), coarse.vertex_count, face_count, fine.centres)
-        )
 
 
 def _write_face_count(writer: PayloadWriter, counts: Contexts, level: Level) -> None:

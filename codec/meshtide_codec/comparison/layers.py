@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from meshtide_codec.classic import options as classic_options
-from meshtide_codec.compact.options import PLACES_BY_PACKETS, CompactHeader
+from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.compact.reliable_coding import ReliableCoder
 from meshtide_codec.limits import Limits
 from meshtide_codec.stream.container import PREAMBLE_BYTES
@@ -91,8 +91,7 @@ class _CompactParts:
     def __init__(self, header: StreamHeader) -> None:
         self._header = header
         options = CompactHeader.from_header(header)
-        in_parts = header.version < PLACES_BY_PACKETS
-        self._coder = ReliableCoder(header.bits, header.vertices, options.mirror, in_parts=in_parts, deep=options.deep)
+        self._coder = ReliableCoder(header.bits, header.vertices, options.mirror, deep=options.deep)
         self._coarse: Level | None = None
 
     def __call__(self, packet: Packet) -> dict[str, int]:

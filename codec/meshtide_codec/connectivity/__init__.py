@@ -46,7 +46,7 @@ The method is a relative of gate-based coders such as Touma & Gotsman, "Triangle
 Alliez & Desbrun, "Valence-driven connectivity encoding", 2001, with the coarse level as the source of candidates.
 """
 
-from meshtide_codec.connectivity.codec import decode_faces, encode_faces, read_faces, write_faces
+from meshtide_codec.connectivity.codec import read_faces, write_faces
 from meshtide_codec.connectivity.tables import new_models
 
-__all__ = ["decode_faces", "encode_faces", "new_models", "read_faces", "write_faces"]
+__all__ = ["new_models", "read_faces", "write_faces"]

@@ -16,7 +16,6 @@ from meshtide_codec.connectivity.models import adopt, copied, is_deep
 from meshtide_codec.connectivity.tables import new_models
 from meshtide_codec.connectivity.traversal_kernels import find_witnesses, traverse
 from meshtide_codec.connectivity.truth_kernels import build_truth, empty_truth, survey
-from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
 from meshtide_codec.entropy.range_coder_kernels import code_raw_bits
 from meshtide_codec.errors import MapConnError, MeshError
 
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from meshtide_codec.connectivity.choice_kernels import Models
     from meshtide_codec.connectivity.coarse_kernels import CoarseMesh
     from meshtide_codec.connectivity.truth_kernels import Truth
+    from meshtide_codec.entropy.codec import PayloadReader, PayloadWriter
     from meshtide_codec.entropy.range_coder_kernels import Buffer, Coder
 
     Integers = NDArray[np.integer]
@@ -42,44 +42,6 @@ REASONS = {
 }
 
 
-def encode_faces(
-    fine_faces: Integers,
-    parents: Integers,
-    coarse_faces: Integers,
-    coarse_count: int,
-    positions: Integers | None = None,
-) -> bytes:
-    """Code the faces of a level, given the level that it collapses to.
-
-    Args:
-        fine_faces: (m, 3), distinct oriented triangles with three different corners each, in any order.
-        parents: (n,), coarse vertex of each fine vertex; never falls, and leaves out no coarse vertex.
-        coarse_faces: (k, 3), what the fine faces become under `parents`, without degenerate and repeated ones.
-        coarse_count: number of coarse vertices. The coarsest level of all is coded with coarse_count 1.
-        positions: (n, 3) integers, positions known to the decoder before the faces are; None if there are none.
-
-    Raises:
-        MeshError: an argument breaks these rules.
-    """
-    writer = PayloadWriter()
-    write_faces(writer, fine_faces, parents, coarse_faces, coarse_count, positions)
-    return writer.payload()
-
-
-def encode_with(
-    models: Models,
-    fine_faces: Integers,
-    parents: Integers,
-    coarse_faces: Integers,
-    coarse_count: int,
-    positions: Integers | None,
-) -> bytes:
-    """Like `encode_faces`, starting from the given models and leaving in them what they have learnt."""
-    writer = PayloadWriter()
-    write_faces(writer, fine_faces, parents, coarse_faces, coarse_count, positions, models)
-    return writer.payload()
-
-
 def write_faces(
     writer: PayloadWriter,
     fine_faces: Integers,
@@ -89,10 +51,19 @@ def write_faces(
     positions: Integers | None = None,
     models: Models | None = None,
 ) -> None:
-    """Like `encode_faces`, into a payload that holds more; `models` are those to start from and to teach, if given.
+    """Add the faces of a level, given the level that it collapses to, to a payload that may hold more.
+
+    Args:
+        writer: of the payload; nothing is added if there are no faces.
+        fine_faces: (m, 3), distinct oriented triangles with three different corners each, in any order.
+        parents: (n,), coarse vertex of each fine vertex; never falls, and leaves out no coarse vertex.
+        coarse_faces: (k, 3), what the fine faces become under `parents`, without degenerate and repeated ones.
+        coarse_count: number of coarse vertices. The coarsest level of all is coded with coarse_count 1.
+        positions: (n, 3) integers, positions known to the decoder before the faces are; None if there are none.
+        models: those to start from and to teach; fresh ones if None.
 
     Raises:
-        MeshError: as there, or the models are deep ones and there are no positions.
+        MeshError: an argument breaks these rules, or the models are deep ones and there are no positions.
     """
     models = models or new_models(geometric=positions is not None)
     problem = _problem(parents, coarse_faces, coarse_count, positions, models)
@@ -159,31 +130,6 @@ def _write_as(
     return status
 
 
-def decode_faces(
-    payload: bytes | memoryview,
-    parents: Integers,
-    coarse_faces: Integers,
-    coarse_count: int,
-    face_count: int,
-    positions: Integers | None = None,
-) -> NDArray[np.int32]:
-    """The faces that `encode_faces` coded, (m, 3) int32, smallest corner first, in lexicographic order.
-
-    `face_count` must have been checked against limits: memory is taken in proportion to it. The other arguments are
-    those of `encode_faces`.
-
-    Raises:
-        MapConnError: the payload is damaged, or does not belong to these arguments.
-    """
-    reader = PayloadReader(payload)
-    faces = read_faces(reader, parents, coarse_faces, coarse_count, face_count, positions)
-    if face_count == 0 and len(payload) > 0:
-        raise MapConnError("connectivity of a level without faces must be empty", offset=0)
-    if not reader.finished:
-        raise MapConnError("bytes follow the last face; the stream is damaged", offset=reader.offset)
-    return faces
-
-
 def read_faces(
     reader: PayloadReader,
     parents: Integers,
@@ -193,12 +139,13 @@ def read_faces(
     positions: Integers | None = None,
     models: Models | None = None,
 ) -> NDArray[np.int32]:
-    """Like `decode_faces`, from a payload that may hold more, with the `models` of `write_faces`.
+    """The faces that `write_faces` added, (m, 3) int32, smallest corner first, in lexicographic order.
 
-    The models learn, unless the payload is damaged.
+    `face_count` must have been checked against limits: memory is taken in proportion to it. The other arguments are
+    those of `write_faces`. The models learn, unless the payload is damaged.
 
     Raises:
-        MapConnError: as there, but for the length; or the models are deep ones and there are no positions.
+        MapConnError: the payload is damaged or does not belong to these arguments, or they are out of their rules.
     """
     models = models or new_models(geometric=positions is not None)
     problem = _problem(parents, coarse_faces, coarse_count, positions, models)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from meshtide_codec.reference.container import BASE, DIFF, MAP_CONN, PREVIEW, Key, split_parts
+from meshtide_codec.reference.container import BASE, DIFF, MAP_CONN, PREVIEW, Key
 from meshtide_codec.reference.diff_decoding import SliceDecoder
 from meshtide_codec.reference.display_filter import STRENGTHS, Strength, drawn, known_cells
 from meshtide_codec.reference.mirror import Mirror
 from meshtide_codec.reference.octree import Level, deepened
-from meshtide_codec.reference.previews import decode_preview, decode_preview_in_parts
+from meshtide_codec.reference.previews import decode_preview
 from meshtide_codec.reference.range_decoder import RangeDecoder
 from meshtide_codec.reference.reliable_decoding import ReliableDecoder
 
@@ -26,9 +26,6 @@ def decode_compact(stream: Stream, number: int) -> Drawn:
     packets = stream.packets_for(number)
     shape = shape_of(stream)
     coarsest = stream.bits - shape.base_depth
-    if number > coarsest and stream.version < 3:
-        bits = shape.preview_bits[coarsest + len(shape.preview_bits) - number]
-        return decode_preview_in_parts(packets[PREVIEW, number, 0], bits, stream.bits)
     if number > coarsest:
         return decode_preview(packets[PREVIEW, number, 0], stream.vertices_of(number), stream.bits)
     mirror = None
@@ -43,9 +40,9 @@ def decode_compact(stream: Stream, number: int) -> Drawn:
         for index, state in enumerate(states):
             payload = packets.get((DIFF, stream.bits - depth, index))
             if payload is not None:
-                new = levels[state.depth + 1 : depth + 1]
-                parts = split_parts(payload, len(new)) if stream.version < 3 else [payload]
-                _decode_diff(parts, state, new)
+                with RangeDecoder(payload) as decoder:
+                    for level in levels[state.depth + 1 : depth + 1]:
+                        state.decode(decoder, level)
     level = levels[stream.bits - number]
     strength = shape.strengths[level.depth - shape.base_depth]
     return drawn(level, known_cells(level, states, stream.bits), strength), level.faces
@@ -59,24 +56,19 @@ class Shape:
         base_depth: of the coarsest level.
         strengths: of the display filter, from the base depth on.
         diff_depths: the depths at which Diff packets end.
-        preview_bits: bits of each preview, before version 3.
     """
 
     base_depth: int
     strengths: list[Strength]
     diff_depths: list[int]
-    preview_bits: list[int]
 
 
 def shape_of(stream: Stream) -> Shape:
-    """What the options tell; from version 3 on the packets tell most of it."""
-    options = stream.options
-    if stream.version < 3:
-        return Shape(options["b"], [(f, 0) for f in options["f"]], list(options["d"]), list(options.get("p", b"")))
+    """What the packets tell of it, and the options."""
     base_depth = next(stream.bits - level for kind, level, _ in stream.payloads if kind == BASE)
     diff_depths = sorted({stream.bits - level for kind, level, _ in stream.payloads if kind == DIFF})
-    strengths = [STRENGTHS[half] for byte in options.get("f", b"") for half in (byte // 16, byte % 16)]
-    return Shape(base_depth, strengths + [STRENGTHS[0]] * (stream.bits + 1), diff_depths, [])
+    strengths = [STRENGTHS[half] for byte in stream.options.get("f", b"") for half in (byte // 16, byte % 16)]
+    return Shape(base_depth, strengths + [STRENGTHS[0]] * (stream.bits + 1), diff_depths)
 
 
 def _decode_levels(stream: Stream, packets: dict[Key, bytes], base_depth: int, mirror: Mirror | None) -> list[Level]:
@@ -85,25 +77,13 @@ def _decode_levels(stream: Stream, packets: dict[Key, bytes], base_depth: int, m
     reliable = ReliableDecoder(
         stream.bits, mirror, deep_maps=bool(deep & DEEP_MAPS), deep_faces=bool(deep & DEEP_FACES)
     )
-    base, map_conn = reliable.base, reliable.map_conn
-    if stream.version < 3:
-        base, map_conn = reliable.base_in_parts, reliable.map_conn_in_parts
-    levels = base(packets[BASE, stream.bits - base_depth, 0], base_depth, stream.states[-1].vertices)
+    levels = reliable.base(packets[BASE, stream.bits - base_depth, 0], base_depth, stream.states[-1].vertices)
     for depth in range(base_depth + 1, stream.bits + 1):
         number = stream.bits - depth
         if all(levels[-1].leaves):
             levels.append(deepened(levels[-1]))
         elif (MAP_CONN, number, 0) in packets:
-            levels.append(map_conn(packets[MAP_CONN, number, 0], levels[-1], stream.faces_of(number)))
+            levels.append(reliable.map_conn(packets[MAP_CONN, number, 0], levels[-1], stream.faces_of(number)))
         else:
             break
     return levels
-
-
-def _decode_diff(parts: list[bytes], state: SliceDecoder, levels: list[Level]) -> None:
-    """A packet with the bit planes of the depths of `levels`, in one part or each in one."""
-    share = len(levels) // len(parts)
-    for index, part in enumerate(parts):
-        with RangeDecoder(part) as decoder:
-            for level in levels[index * share : (index + 1) * share]:
-                state.decode(decoder, level)

@@ -7,11 +7,9 @@ import zlib
 from dataclasses import dataclass
 from typing import Any
 
-import msgpack
-
 from meshtide_codec.errors import ContainerError, PacketError
-from meshtide_codec.reference.numbers import read_number, read_signed
-from meshtide_codec.reference.packed_header import HeaderFields, Row, read_packed_header
+from meshtide_codec.reference.numbers import read_number
+from meshtide_codec.reference.packed_header import VERSION, read_packed_header
 
 MAGIC = b"\x89TIDE\r\n\x1a"
 PREAMBLE = struct.Struct("<8sHII")
@@ -34,7 +32,6 @@ class State:
 class Stream:
     """A whole stream: what its header says, and its payloads by kind, level and slice in transmission order."""
 
-    version: int
     profile: str
     options: dict[str, Any]
     bits: int
@@ -75,9 +72,9 @@ def read_stream(data: bytes) -> Stream:
         raise ContainerError("the file ends inside its preamble", offset=0)
     magic, version, length, checksum = PREAMBLE.unpack_from(data)
     header_bytes = data[PREAMBLE.size : PREAMBLE.size + length]
-    if magic != MAGIC or version not in {1, 2, 3} or zlib.crc32(header_bytes) != checksum:
-        raise ContainerError("not a stream of format version 1, 2 or 3, or damaged", offset=0)
-    header = read_packed_header(header_bytes) if version == 3 else _read_map(header_bytes, version)
+    if magic != MAGIC or version != VERSION or zlib.crc32(header_bytes) != checksum:
+        raise ContainerError(f"not a stream of format version {VERSION}, or damaged", offset=0)
+    header = read_packed_header(header_bytes)
     position = PREAMBLE.size + length
     payloads: dict[Key, bytes] = {}
     for index, (kind, level, part, size) in enumerate(header.packets):
@@ -90,7 +87,6 @@ def read_stream(data: bytes) -> Stream:
     if position != len(data):
         raise ContainerError("bytes follow the last packet", offset=position)
     return Stream(
-        version=version,
         profile=header.profile,
         options=header.options,
         bits=header.bits,
@@ -99,72 +95,6 @@ def read_stream(data: bytes) -> Stream:
         states=[State(*row) for row in header.states],
         payloads=payloads,
     )
-
-
-def _read_map(data: bytes, version: int) -> HeaderFields:
-    """The header of version 1 or 2."""
-    fields = msgpack.unpackb(data, strict_map_key=False)
-    packets = _rows_of_four(fields[6]) if version == 1 else read_packet_rows(fields[6])
-    levels = [level for _, level, _, _ in packets]
-    states = _rows_of_four(fields[5]) if version == 1 else read_state_rows(fields[5], levels)
-    checksums = list(struct.unpack(f"<{len(fields[7]) // 4}I", fields[7]))
-    return HeaderFields(fields[0], fields[1], fields[2], fields[3], fields[4], packets, checksums, states, [])
-
-
-def _rows_of_four(numbers: list[int]) -> list[Row]:
-    return list(zip(numbers[0::4], numbers[1::4], numbers[2::4], numbers[3::4], strict=True))
-
-
-def read_packet_rows(table: bytes) -> list[Row]:
-    """Kind, level, slice and length of each packet, in version 2 (section 2.1).
-
-    Raises:
-        ContainerError, PacketError: the table is damaged.
-
-    >>> read_packet_rows(bytes.fromhex("180200ac0211090307"))
-    [(0, 2, 0, 300), (1, 1, 0, 9), (3, 1, 0, 7)]
-    """
-    rows: list[Row] = []
-    level = part = position = 0
-    while position < len(table):
-        head, position = read_number(table, position)
-        if head < 8:  # the same level, slice 0
-            part = 0
-        elif head < 16:  # the next slice
-            part += 1
-        elif head < 24:  # the next finer level
-            level, part = level - 1, 0
-        elif head < 32:
-            level, position = read_number(table, position)
-            part, position = read_number(table, position)
-        else:
-            raise ContainerError(f"a packet's row begins with {head}", offset=position)
-        length, position = read_number(table, position)
-        rows.append((head % 8, level, part, length))
-    return rows
-
-
-def read_state_rows(table: bytes, packet_levels: list[int]) -> list[Row]:
-    """Level, packet count, vertices and faces of each state, in version 2 (section 2.1).
-
-    Raises:
-        PacketError: the table is damaged.
-    """
-    rows = []
-    count = vertices = surplus = position = 0
-    while position < len(table):
-        head, position = read_number(table, position)
-        count += head // 2
-        level = packet_levels[count - 1]
-        if head % 2 == 1:
-            level, position = read_number(table, position)
-        added, position = read_signed(table, position)
-        more, position = read_signed(table, position)
-        vertices += added
-        surplus += more
-        rows.append((level, count, vertices, 2 * vertices + surplus))
-        position += 4  # the distances decode nothing
-    return rows
 
 
 def split_parts(payload: bytes, count: int) -> list[bytes]:

@@ -16,7 +16,7 @@ STRENGTHS: list[Strength] = [
     (0, 0), (13, 13), (26, 26), (38, 26), (51, 0), (64, 26), (64, 38), (64, 51),
     (64, 64), (77, 51), (77, 64), (96, 0), (96, 51), (96, 64), (115, 0), (115, 64),
 ]  # fmt: skip
-"""What the four bits of a depth stand for, from version 3 on."""
+"""What the four bits of a depth stand for."""
 
 
 @dataclass(frozen=True)

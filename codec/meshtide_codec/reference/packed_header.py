@@ -1,4 +1,4 @@
-"""The header from version 3 on: each packet a row, with the states that it completes (docs/format.md, section 2.3)."""
+"""The header: each packet a row, with the states that it completes (docs/format.md, section 2)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import msgpack
 from meshtide_codec.errors import ContainerError
 from meshtide_codec.reference.numbers import read_number, read_signed
 
+VERSION = 3
 Row = tuple[int, int, int, int]
 PROFILES = ["classic", "compact"]
 
@@ -48,6 +49,8 @@ def read_packed_header(data: bytes) -> HeaderFields:
     Raises:
         ContainerError, PacketError: it is damaged.
     """
+    if data[:1] != bytes([VERSION]):
+        raise ContainerError(f"not a header of format version {VERSION}", offset=0)
     number, position = read_number(data, 1)
     if number < len(PROFILES):
         profile = PROFILES[number]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from meshtide_codec.reference.container import split_parts
 from meshtide_codec.reference.diff_decoding import SliceDecoder
 from meshtide_codec.reference.numbers import read_number
 from meshtide_codec.reference.octree import Level, deepened
@@ -26,19 +25,6 @@ def decode_preview(payload: bytes, vertices: int, bits: int) -> Drawn:
         levels = ReliableDecoder(preview_bits, None).base_from(decoder, shape, vertices)
         state = SliceDecoder(levels[0], [0], 0, preview_bits, None)
         for level in _down_to(levels, preview_bits):
-            state.decode(decoder, level)
-    return _drawn(state, preview_bits, bits), levels[-1].faces
-
-
-def decode_preview_in_parts(payload: bytes, preview_bits: int, bits: int) -> Drawn:
-    """The same before version 3, where the header tells the bits and the payload the vertices."""
-    vertices, position = read_number(payload, 0)
-    deepest, position = read_number(payload, position)
-    base, *planes = split_parts(payload[position:], preview_bits + 1)
-    levels = ReliableDecoder(preview_bits, None).base_in_parts(base, deepest, vertices)
-    state = SliceDecoder(levels[0], [0], 0, preview_bits, None)
-    for part, level in zip(planes, _down_to(levels, preview_bits), strict=True):
-        with RangeDecoder(part) as decoder:
             state.decode(decoder, level)
     return _drawn(state, preview_bits, bits), levels[-1].faces
 

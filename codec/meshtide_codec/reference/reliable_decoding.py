@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshtide_codec.reference.connectivity import decode_faces
-from meshtide_codec.reference.container import split_parts
 from meshtide_codec.reference.faces_states import DeepFaceStates
 from meshtide_codec.reference.map_decoding import RATE, decode_map
 from meshtide_codec.reference.map_deep_decisions import INPUTS
 from meshtide_codec.reference.models import SIGNED_CONTEXTS, Contexts
-from meshtide_codec.reference.numbers import read_number
 from meshtide_codec.reference.octree import Level, deepened, root
 from meshtide_codec.reference.range_decoder import RangeDecoder
 from meshtide_codec.reference.trained_states import deep_neurons, geometry_neurons
@@ -46,38 +44,10 @@ class ReliableDecoder:
             levels.append(self._with_faces(fine, decoder, levels[-1], face_count))
         return levels
 
-    def base_in_parts(self, payload: bytes, base_depth: int, vertices: int) -> list[Level]:
-        """The levels of the depths 0 to `base_depth`, before version 3."""
-        levels = [root(vertices)]
-        if vertices == 1:
-            for _ in range(base_depth):
-                levels.append(deepened(levels[-1]))
-            return levels
-        position = 0
-        face_counts = []
-        for _ in range(base_depth):
-            count, position = read_number(payload, position)
-            face_counts.append(count)
-        parts = split_parts(payload[position:], 2 * base_depth)
-        for depth in range(1, base_depth + 1):
-            levels.append(self._next(parts[2 * depth - 2], parts[2 * depth - 1], levels[-1], face_counts[depth - 1]))
-        return levels
-
     def map_conn(self, payload: bytes, coarse: Level, face_count: int) -> Level:
         """The level of the next depth."""
         with RangeDecoder(payload) as decoder:
             return self._with_faces(self._map(decoder, coarse), decoder, coarse, face_count)
-
-    def map_conn_in_parts(self, payload: bytes, coarse: Level, face_count: int) -> Level:
-        """The level of the next depth, before version 3."""
-        map_part, face_part = split_parts(payload, 2)
-        return self._next(map_part, face_part, coarse, face_count)
-
-    def _next(self, map_part: bytes, face_part: bytes, coarse: Level, face_count: int) -> Level:
-        with RangeDecoder(map_part) as decoder:
-            fine = self._map(decoder, coarse)
-        with RangeDecoder(face_part) as decoder:
-            return self._with_faces(fine, decoder, coarse, face_count)
 
     def _map(self, decoder: RangeDecoder, coarse: Level) -> Level:
         images = self._mirror.images(coarse) if self._mirror else None

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import ContainerError, LimitError, PacketError, TruncatedError
 from meshtide_codec.limits import Limits
-from meshtide_codec.stream.header import StreamHeader, check_version, version_of
+from meshtide_codec.stream.header import FORMAT_VERSION, StreamHeader, check_version
 from meshtide_codec.stream.packets import Packet
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ PREAMBLE_BYTES = _PREAMBLE.size
 
 def preamble(header_bytes: bytes) -> bytes:
     """What stands in front of the packets in a file: magic, version, and the header with its length and checksum."""
-    return _PREAMBLE.pack(MAGIC, version_of(header_bytes), len(header_bytes), zlib.crc32(header_bytes)) + header_bytes
+    return _PREAMBLE.pack(MAGIC, FORMAT_VERSION, len(header_bytes), zlib.crc32(header_bytes)) + header_bytes
 
 
 def fingerprint(header_bytes: bytes) -> bytes:
@@ -180,10 +180,7 @@ class ContainerReader:
         header_bytes = bytes(self._pending[PREAMBLE_BYTES:end])
         if zlib.crc32(header_bytes) != checksum:
             raise ContainerError("the header's checksum is wrong; the file is damaged", offset=14)
-        header = StreamHeader.from_bytes(header_bytes, self._limits)
-        if header.version != version:
-            raise ContainerError(f"a header of version {header.version} in a file of version {version}", offset=8)
-        self.header = header
+        self.header = StreamHeader.from_bytes(header_bytes, self._limits)
         self.header_bytes = header_bytes
         return end
 

@@ -1,9 +1,9 @@
 """How far a state is from the finest mesh, as the header stores it: a little too far, and never too near.
 
-From format version 3 on both distances of a state take two bytes. The root mean square is a floating-point number of
+Both distances of a state take two bytes. The root mean square is a floating-point number of
 six bits of mantissa and five of exponent, at most 1/64 too large; the maximum is told by how many times as large it
 is, five bits, at most 1/4 too large: nothing that is shown depends on more. All stored values are exact in a double.
-Before, each distance was the upper half of a float32. The layouts stand in docs/format.md, section 2.
+The layout stands in docs/format.md, section 2.
 """
 
 from __future__ import annotations
@@ -28,12 +28,11 @@ NO_FACTOR = 31
 """Code q below this: the maximum is (4 + q mod 4) 2^(q // 4 - 2) times the root mean square, at most `LARGEST`."""
 
 DISTANCE_BYTES = 2
-HALF_BYTES = 4
-"""Bytes of both distances of a state from version 3 on, and before."""
+"""Bytes of both distances of a state."""
 
 
 def stored_distances(rms: float, maximum: float) -> tuple[float, float]:
-    """The least root mean square and maximum, not below those given, that a header of the newest version can hold.
+    """The least root mean square and maximum, not below those given, that a header can hold.
 
     Beyond `LARGEST` that is what they become. The maximum is never below the root mean square.
 
@@ -61,23 +60,6 @@ def unpack_distances(data: bytes) -> tuple[float, float]:
     code, factor = divmod(word, NO_FACTOR + 1)
     rms = _rms_of(code)
     return rms, _maximum_of(rms, factor)
-
-
-def pack_halves(rms: float, maximum: float) -> bytes:
-    """Four bytes for root mean square and maximum, each the upper two of a float32, rounded up: before version 3."""
-    return b"".join(_upper_half(distance) for distance in (rms, maximum))
-
-
-def unpack_halves(data: bytes) -> tuple[float, float]:
-    """Root mean square and maximum of the four bytes of `pack_halves`."""
-    rms, maximum = struct.unpack("<2f", b"\0\0" + data[:2] + b"\0\0" + data[2:])
-    return rms, maximum
-
-
-def _upper_half(distance: float) -> bytes:
-    bits = struct.unpack("<I", struct.pack("<f", distance))[0] >> 16
-    value: float = struct.unpack("<f", struct.pack("<I", bits << 16))[0]
-    return struct.pack("<H", bits + (value < distance))
 
 
 def _rms_of(code: int) -> float:

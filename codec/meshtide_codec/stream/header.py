@@ -2,17 +2,14 @@
 
 It holds the quantization, the profile and its options, a table of all packets (kind, level, slice, length, CRC-32) and
 a table of the states that a client can show: after how many packets, how many vertices and faces, and how far that
-mesh is from the finest one. `packed_header` tells how its bytes are laid out; before format version 3 they were a
-msgpack map from small integers (`Field`) to values.
+mesh is from the finest one. `packed_header` tells how its bytes are laid out.
 """
 
 from __future__ import annotations
 
 import math
-import struct
 import zlib
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
@@ -22,7 +19,7 @@ import numpy as np
 from meshtide_codec.errors import ContainerError, LimitError, VersionError
 from meshtide_codec.limits import Limits
 from meshtide_codec.quantize import LARGEST_B, SMALLEST_B, has_distinct_points, has_finite_points
-from meshtide_codec.stream import distances, packed_header, plain_values, tables
+from meshtide_codec.stream import packed_header, plain_values
 from meshtide_codec.stream.packed_header import PlainHeader
 from meshtide_codec.stream.packets import LARGEST_LEVEL, LARGEST_SLICE, Packet, PacketKind
 
@@ -32,36 +29,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FORMAT_VERSION = packed_header.VERSION
-"""What this program writes; it reads the versions before it too."""
+"""The one that this program writes and reads."""
+LARGEST_VERSION = 0x7F
+"""A header that begins with a greater byte is none, of whatever version."""
 LONGEST_NAME = 32
-CHECKSUM_BYTES = 4
 
-
-class Field(IntEnum):
-    """Keys of the header map of versions 1 and 2."""
-
-    PROFILE = 0
-    OPTIONS = 1
-    BITS = 2
-    ORIGIN = 3
-    EXTENT = 4
-    LEVELS = 5
-    PACKETS = 6
-    CHECKSUMS = 7
-    DISTANCES = 8
-    """Version 1 only."""
-
-
-_FIELDS = {
-    1: frozenset(int(field) for field in Field),
-    2: frozenset(int(field) for field in Field if field != Field.DISTANCES),
-}
 
 TELLS_SIZES = frozenset({PacketKind.BASE, PacketKind.MAP_CONN, PacketKind.PREVIEW})
 """The packets that say what vertices and faces there are."""
-
-_SMALL_MAP = 0x80
-"""First byte of a msgpack map of n fields, less n."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +106,6 @@ class StreamHeader:
         extent: length of the grid's side.
         levels: the states that can be shown, in the order in which they become complete.
         packets: the packets, in transmission order.
-        version: of the format that it is written in.
     """
 
     profile: str
@@ -141,7 +115,6 @@ class StreamHeader:
     extent: float
     levels: tuple[LevelEntry, ...]
     packets: tuple[PacketEntry, ...]
-    version: int = FORMAT_VERSION
 
     @property
     def vertices(self) -> int:
@@ -205,7 +178,7 @@ class StreamHeader:
             states=[(row.level, row.packet_count, row.vertices, row.faces) for row in self.levels],
             distances=[(row.rms, row.maximum) for row in self.levels],
         )
-        return _pack_map(plain, self.version) if self.version in _FIELDS else packed_header.pack_header(plain)
+        return packed_header.pack_header(plain)
 
     @classmethod
     def from_bytes(cls, data: bytes | memoryview, limits: Limits | None = None) -> StreamHeader:
@@ -213,24 +186,21 @@ class StreamHeader:
 
         Raises:
             LimitError: a claim over the limits.
+            VersionError: it is of another format version.
             ContainerError: anything else that is wrong.
         """
         limits = limits or Limits()
         if len(data) > limits.header_bytes:
             raise LimitError(f"header of {len(data)} bytes; this decoder accepts {limits.header_bytes}")
-        version = version_of(data)
+        if len(data) and data[0] <= LARGEST_VERSION:
+            check_version(data[0])
         try:
-            plain = (
-                packed_header.unpack_header(bytes(data), limits.packets)
-                if version == FORMAT_VERSION
-                else _unpack_map(data, limits)
-            )
-            return cls._checked(plain, version, limits, len(data))
+            return cls._checked(packed_header.unpack_header(bytes(data), limits.packets), limits, len(data))
         except plain_values.BadValueError as error:
             raise ContainerError(f"damaged stream header: {error}") from error
 
     @classmethod
-    def _checked(cls, plain: PlainHeader, version: int, limits: Limits, length: int) -> StreamHeader:
+    def _checked(cls, plain: PlainHeader, limits: Limits, length: int) -> StreamHeader:
         if not isinstance(plain.options, dict) or not all(isinstance(key, str) for key in plain.options):
             raise plain_values.BadValueError("options must be a map with string keys")
         x, y, z = (plain_values.number(value, "origin") for value in plain.origin)
@@ -238,7 +208,7 @@ class StreamHeader:
         if not has_finite_points((x, y, z), extent):
             raise plain_values.BadValueError("the grid reaches beyond the largest number")
         packets = _checked_packets(plain, limits)
-        levels = _checked_levels(plain, len(packets), limits)
+        levels = _checked_levels(plain, limits)
         _check_shares(levels, packets, length, limits)
         if levels[-1].vertices > 1 and not has_distinct_points((x, y, z), extent):
             raise plain_values.BadValueError(f"a grid of one point for {levels[-1].vertices} vertices")
@@ -250,98 +220,21 @@ class StreamHeader:
             extent=extent,
             levels=levels,
             packets=packets,
-            version=version,
         )
 
 
 def check_version(version: int) -> None:
     """Raise VersionError unless this program reads streams of `version`."""
-    if not 1 <= version <= FORMAT_VERSION:
+    if version < FORMAT_VERSION:
+        raise VersionError(f"the stream was written by an older meshtide (format {version}): encode it again")
+    if version > FORMAT_VERSION:
         raise VersionError(
-            f"the stream is of format version {version}; this program reads versions 1 to {FORMAT_VERSION}; "
-            "a newer meshtide may read it"
+            f"the stream was written by a newer meshtide (format {version}; this one reads format {FORMAT_VERSION}): "
+            "update meshtide"
         )
 
 
-def version_of(header_bytes: bytes | memoryview) -> int:
-    """The format version of a header: its first byte, or told by how many fields the msgpack map has that it is.
-
-    The newest version for bytes that are no header.
-    """
-    first = header_bytes[0] if len(header_bytes) else FORMAT_VERSION
-    return next((version for version, keys in _FIELDS.items() if first == _SMALL_MAP + len(keys)), FORMAT_VERSION)
-
-
-def _pack_map(plain: PlainHeader, version: int) -> bytes:
-    """The msgpack map of versions 1 and 2."""
-    halves = [distances.pack_halves(*pair) for pair in plain.distances]
-    fields: dict[int, Any] = {
-        int(Field.PROFILE): plain.profile,
-        int(Field.OPTIONS): dict(plain.options),
-        int(Field.BITS): plain.bits,
-        int(Field.ORIGIN): list(plain.origin),
-        int(Field.EXTENT): plain.extent,
-    }
-    checksums = struct.pack(f"<{len(plain.checksums)}I", *plain.checksums)
-    if version == 1:
-        fields[int(Field.LEVELS)] = [number for state in plain.states for number in state]
-        fields[int(Field.PACKETS)] = [number for packet in plain.packets for number in packet]
-        fields[int(Field.CHECKSUMS)] = checksums
-        fields[int(Field.DISTANCES)] = b"".join(halves)
-    else:
-        levels = [level for _, level, _, _ in plain.packets]
-        fields[int(Field.LEVELS)] = tables.pack_states(plain.states, halves, levels)
-        fields[int(Field.PACKETS)] = tables.pack_packets(plain.packets)
-        fields[int(Field.CHECKSUMS)] = checksums
-    return plain_values.pack(fields)
-
-
-def _unpack_map(data: bytes | memoryview, limits: Limits) -> PlainHeader:
-    """What a header of version 1 or 2 says; only types and lengths are checked.
-
-    Raises:
-        BadValueError: it is not such a map.
-    """
-    value = plain_values.unpack(data, len(data))
-    if not isinstance(value, dict) or set(value) not in _FIELDS.values():
-        raise plain_values.BadValueError("its fields are not those of a meshtide stream header")
-    if Field.DISTANCES in value:
-        packets = _fours(plain_values.array(value[Field.PACKETS], "packet table"), "packet")
-        states = _fours(plain_values.array(value[Field.LEVELS], "level table"), "level")
-        length = distances.HALF_BYTES * len(states)
-        halves = plain_values.binary(value[Field.DISTANCES], "level distances", length, length)
-    else:
-        packed = plain_values.binary(value[Field.PACKETS], "packet table", limits.header_bytes)
-        packets = _fours(tables.unpack_packets(packed), "packet")
-        packed = plain_values.binary(value[Field.LEVELS], "level table", limits.header_bytes)
-        levels = [level for _, level, _, _ in packets]
-        numbers, halves = tables.unpack_states(packed, levels, distances.HALF_BYTES)
-        states = _fours(numbers, "level")
-    length = CHECKSUM_BYTES * len(packets)
-    checksums = plain_values.binary(value[Field.CHECKSUMS], "packet checksums", length, length)
-    return PlainHeader(
-        profile=value[Field.PROFILE],
-        options=value[Field.OPTIONS],
-        bits=value[Field.BITS],
-        origin=plain_values.array(value[Field.ORIGIN], "origin", 3),
-        extent=value[Field.EXTENT],
-        packets=packets,
-        checksums=list(struct.unpack(f"<{len(packets)}I", checksums)),
-        states=states,
-        distances=[
-            distances.unpack_halves(halves[start : start + distances.HALF_BYTES])
-            for start in range(0, len(halves), distances.HALF_BYTES)
-        ],
-    )
-
-
-def _fours(numbers: Sequence[Any], row: str) -> list[tuple[Any, Any, Any, Any]]:
-    if len(numbers) % 4:
-        raise plain_values.BadValueError(f"the {row} table has {len(numbers)} numbers, not four a {row}")
-    return list(zip(numbers[0::4], numbers[1::4], numbers[2::4], numbers[3::4], strict=True))
-
-
-def _checked_levels(plain: PlainHeader, packet_count: int, limits: Limits) -> tuple[LevelEntry, ...]:
+def _checked_levels(plain: PlainHeader, limits: Limits) -> tuple[LevelEntry, ...]:
     if len(plain.states) > limits.levels:
         raise LimitError(
             f"the stream claims {len(plain.states)} levels; this decoder accepts {limits.levels} (Limits.levels)"
@@ -350,15 +243,13 @@ def _checked_levels(plain: PlainHeader, packet_count: int, limits: Limits) -> tu
     for (level, needed, vertices, faces), (rms, maximum) in zip(plain.states, plain.distances, strict=True):
         entry = LevelEntry(
             level=plain_values.integer(level, "level", 0, LARGEST_LEVEL),
-            packet_count=plain_values.integer(needed, "packet count", 1, packet_count),
+            packet_count=needed,
             vertices=plain_values.integer(vertices, "vertex count", 1),
             faces=plain_values.integer(faces, "face count"),
-            rms=plain_values.number(rms, "rms distance", 0.0),
-            maximum=plain_values.number(maximum, "maximum distance", 0.0),
+            rms=rms,
+            maximum=maximum,
         )
         limits.check_mesh(entry.vertices, entry.faces, level=entry.level)
-        if levels and entry.packet_count < levels[-1].packet_count:
-            raise plain_values.BadValueError("the level table is not in transmission order")
         levels.append(entry)
     if not levels or levels[-1].level != 0:
         raise plain_values.BadValueError("the level table does not end with level 0")

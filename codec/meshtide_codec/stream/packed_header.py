@@ -1,9 +1,9 @@
-"""The header as bytes, from format version 3 on: everything is where it is expected, and only the options have keys.
+"""The header as bytes: everything is where it is expected, and only the options have keys.
 
 A stream of a few kilobytes is looked at after its first hundred bytes, and the header stands before those. So each
 packet is a row of its own (what it is, how long, its checksum) and the states that it completes follow it at once;
-rows say how they differ from what is to be expected, like the tables of version 2 (`tables`). The layout stands in
-docs/format.md, section 2.
+rows say how they differ from what is to be expected: packets follow each other level by level, and states come after
+the last packet of their level. The layout stands in docs/format.md, section 2.
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ from meshtide_codec.stream.coordinates import folded, pack_coordinate, unfolded,
 from meshtide_codec.stream.distances import DISTANCE_BYTES, pack_distances, unpack_distances
 from meshtide_codec.stream.parts import read_number, write_number
 from meshtide_codec.stream.plain_values import BadValueError
-from meshtide_codec.stream.tables import ELSEWHERE, KINDS, next_place, step_to
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
 VERSION = 3
+"""The format's version: every header begins with it."""
 PROFILES = ("classic", "compact")
 """Profiles that are told by their number; the name of another one is spelt out."""
 CHECKSUM_BYTES = 4
 
+KINDS = 8
+SAME_LEVEL, NEXT_SLICE, NEXT_LEVEL, ELSEWHERE = range(4)
+"""Steps: slice 0 of the level before; the next slice of it; slice 0 of the next finer level; level and slice follow."""
 STEPS = 4
 NO_STATE, OWN_STATE, MORE_STATES, SAME_SIZE = range(4)
 """What a packet completes: nothing; a state of its level; so many of so many levels, which follow; a state of its
@@ -104,7 +107,7 @@ def unpack_header(data: bytes, most_packets: int) -> PlainHeader:
         BadValueError: the bytes end early, or a row begins as none does.
     """
     if data[:1] != bytes([VERSION]):
-        raise BadValueError("its first byte is not that of a meshtide stream header")
+        raise BadValueError(f"its first byte is not {VERSION}; what an older meshtide wrote has to be encoded again")
     reader = _Reader(data, 1)
     number = reader.number()
     profile = PROFILES[number] if number < len(PROFILES) else reader.text(number - len(PROFILES))
@@ -117,6 +120,21 @@ def unpack_header(data: bytes, most_packets: int) -> PlainHeader:
     for _ in range(count):
         _unpack_row(reader, header)
     return header._replace(options=plain_values.unpack(reader.rest(), len(data)))
+
+
+def next_place(previous: tuple[int, int], step: int) -> tuple[int, int]:
+    """Level and slice of a packet a step after the one at `previous`.
+
+    >>> next_place((5, 2), SAME_LEVEL), next_place((5, 2), NEXT_SLICE), next_place((5, 2), NEXT_LEVEL)
+    ((5, 0), (5, 3), (4, 0))
+    """
+    level, part = previous
+    return {SAME_LEVEL: (level, 0), NEXT_SLICE: (level, part + 1), NEXT_LEVEL: (level - 1, 0)}[step]
+
+
+def step_to(previous: tuple[int, int], place: tuple[int, int]) -> int:
+    """The step that leads from one place to another."""
+    return next((step for step in range(ELSEWHERE) if next_place(previous, step) == place), ELSEWHERE)
 
 
 class _Reader:
