@@ -63,6 +63,19 @@ struct WatchingEncoder : RangeEncoder {
 };
 
 float g_doubt = 0;
+double g_bits[40];
+double g_count[40];
+struct CountingEncoder : RangeEncoder {
+    using RangeEncoder::RangeEncoder;
+    int kind = 30;
+    void note(int k) { kind = k; }
+    int code(uint32_t p, int bit) {
+        g_bits[kind] -= std::log2((bit != 0 ? p : 65536 - p) / 65536.0), g_count[kind]++;
+        return RangeEncoder::code(p, bit);
+    }
+};
+bool g_stat = false;
+
 
 template <Effort effort, bool positions>
 struct Layer {
@@ -138,7 +151,7 @@ const std::map<std::string, std::pair<int, int>> TODAY = {
     {"rocker-arm", {3252, 2925}}, {"spot", {758, 652}}, {"cannon", {791, 599}}, {"emoji_heart", {539, 468}},
     {"frostAxe_noMorph", {1062, 889}}, {"greySnapper_vertColor", {1100, 880}}, {"marineGround", {542, 408}},
     {"riggedMesh", {4311, 3598}}, {"runeSword", {1544, 1256}}, {"seagulf", {9166, 7476}}, {"sword_noMat", {1351, 1113}},
-    {"stanford-bunny", {8051, 7134}}, {"truck", {3037, 2455}},
+    {"stanford-bunny", {8051, 6703}}, {"truck", {3037, 2548}},
     {"underwaterScene", {25119, 20761}}};
 
 template <class T>
@@ -256,6 +269,13 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
         double time = seconds();
         layer.template encode<RangeEncoder>(*bench, model, memory);
         double encoding = seconds() - time, best = 1e9;
+        if (g_stat) {
+            std::fill(g_bits, g_bits + 40, 0), std::fill(g_count, g_count + 40, 0);
+            model.copy(start);
+            layer.template encode<CountingEncoder>(*bench, model, memory);
+            for (int i = 0; i < 40; i++)
+                if (g_count[i] > 0) std::printf("  %d: %.0f bytes in %.0f\n", i, g_bits[i] / 8, g_count[i]);
+        }
         bool good = layer.check(*bench);
         for (int r = 0; r < runs; r++) {
             model.copy(start);
@@ -293,6 +313,7 @@ int main(int argc, char** argv) {
         std::string a = argv[i];
         if (a == "-t") train = true;
         else if (a == "-e") epochs = std::atoi(argv[++i]);
+        else if (a == "-v") g_stat = true;
         else if (a == "-h") high = true;
         else if (a == "-c") classic = true;
         else if (a == "-d") g_doubt = static_cast<float>(std::atof(argv[++i]));

@@ -80,11 +80,16 @@ public:
     int32_t score_of[LANE_LIMIT];                // NO_SCORE: there is no candidate in this lane
     float weight_of[LANE_LIMIT];
     int32_t places_of[TERMS][LANE_LIMIT];
+    static constexpr int FAN_LIMIT = 8;
+    int32_t blocked[2 * FAN_LIMIT + 1];
+    int blocked_count = 0;
 
     Candidates(const Front& front, Span<int16_t> scores) : front_(front), scores_(scores) {}
 
-    void aim(int32_t first_, int32_t second_, int32_t known_) {
-        first = first_, second = second_, known = known_;
+    // half_edge: of the face behind, second -> first; `known` is its apex.
+    void aim(int32_t half_edge, int32_t first_, int32_t second_) {
+        first = first_, second = second_, known = front_.corner(previous_half_edge(half_edge));
+        block_fans(half_edge);
         const VertexState &a = front_.vertex(first), &b = front_.vertex(second);
         closing_first = a.out >= 0 ? front_.gate(a.out).to : NONE;
         closing_second = b.in >= 0 ? front_.gate(b.in).from : NONE;
@@ -117,9 +122,11 @@ public:
         I32x4 out = {states[0].out, states[1].out, states[2].out, states[3].out};
         I32x4 degree = {states[0].degree, states[1].degree, states[2].degree, states[3].degree};
         I32x4 lane = {0, 1, 2, 3}, vertex = lane + splat32(base);
-        I32x4 valid = (lane < splat32(size)) & (vertex != splat32(first)) & (vertex != splat32(second)) &
-                      (vertex != splat32(known));
-        if (!all) valid &= out != splat32(NONE);
+        I32x4 valid = (lane < splat32(size)) & (vertex != splat32(first)) & (vertex != splat32(second));
+        if (!all) {
+            valid &= out != splat32(NONE);
+            for (int i = 0; i < blocked_count; i++) valid &= vertex != splat32(blocked[i]);
+        }
         I32x4 touched = all ? out != splat32(UNTOUCHED) : out >= splat32(0);
         I32x4 closes1 = (vertex == splat32(closing_first)) & touched;
         I32x4 closes2 = (vertex == splat32(closing_second)) & touched;
@@ -224,7 +231,35 @@ public:
         }
     }
 
+    // Is it a vertex that a face at this gate can have only where edges have several faces?
+    bool is_blocked(int32_t vertex) const {
+        if (front_.vertex(vertex).out == NONE) return true;
+        for (int i = 0; i < blocked_count; i++)
+            if (blocked[i] == vertex) return true;
+        return false;
+    }
+
 private:
+    // The vertices around the gate's ends, on from the face behind, to which no gate leads.
+    MESHTIDE_INLINE void block_fans(int32_t half_edge) {
+        blocked[0] = known;
+        blocked_count = 1;
+        for (int32_t h = next_half_edge(half_edge); blocked_count < FAN_LIMIT;) {
+            int32_t twin = front_.twin(h); // h leaves `first`
+            if (twin < NONE) break;
+            blocked[blocked_count++] = front_.corner(next_half_edge(h));
+            if (twin == NONE) break;
+            h = next_half_edge(twin);
+        }
+        int limit = blocked_count + FAN_LIMIT;
+        for (int32_t h = previous_half_edge(half_edge); blocked_count < limit;) {
+            int32_t twin = front_.twin(h); // h reaches `second`
+            if (twin < NONE) break;
+            blocked[blocked_count++] = front_.corner(h);
+            if (twin == NONE) break;
+            h = previous_half_edge(twin);
+        }
+    }
     static MESHTIDE_INLINE void spread(F32x4 p, F32x4& x, F32x4& y, F32x4& z) {
         x = splat(p[0]), y = splat(p[1]), z = splat(p[2]);
     }

@@ -82,6 +82,16 @@ public:
     // The vertices around p, some of them twice.
     template <class Visit>
     void each_neighbour(int32_t p, Visit visit) const {
+        if (several_) {
+            auto v = static_cast<size_t>(p);
+            uint32_t first = starts_[v], last = starts_[v + 1];
+            if (last - first > SEARCH_LIMIT) last = first + SEARCH_LIMIT;
+            for (uint32_t i = first; i < last; i++) {
+                visit(origin(next_half_edge(leaving_[i])));
+                visit(apex(leaving_[i]));
+            }
+            return;
+        }
         int32_t head = heads_[static_cast<size_t>(p)], h = head;
         if (head < 0) return;
         int step = 0;

@@ -22,7 +22,7 @@ struct FacesMemory {
     TruthIndex truth;                    // encoder only
     bool answered = false;
     float doubt = 0;
-    size_t several_limit = 20000;
+    size_t several_limit = 2000000;
 };
 
 // What the encoder finds out about a level before it writes it.
@@ -70,8 +70,8 @@ public:
     bool every_gate_had_a_face() const { return !unanswered_; }
 
 private:
-    Context& context(uint32_t place) { return contexts_[place]; }
-    int code(uint32_t place, bool bit) { return code_bit(coder_, contexts_[place], bit ? 1 : 0); }
+    void note(int kind) { if constexpr (requires { coder_.note(kind); }) coder_.note(kind); }
+    int code(uint32_t place, bool bit) { note(place < C::ESCAPE ? 0 : place < C::ESCAPE + 8 ? 31 : place < C::ESCAPE + 16 ? 32 : place < C::EXTRA ? 1 : place < C::SEED ? 2 : 3); return code_bit(coder_, contexts_[place], bit ? 1 : 0); }
     Span<Context> number(uint32_t which) { return contexts_.part(C::NUMBERS + which * SIGNED_CONTEXTS, SIGNED_CONTEXTS); }
 
     void prepare(size_t faces) {
@@ -292,8 +292,11 @@ private:
             return;
         }
         if (!traits_.clean) {
-            if (code(C::ESCAPE + 2 * shared + (gate.ahead >= 0), wanted >= 0) != 0) {
-                take(k, code_far(first, second, known, apex, true), wanted);
+            gather_all(gate.half_edge, first, second, true);
+            bool listed = candidates_.count > 0;
+            if (listed ? code_has_face(gate, shared, 2, candidates_.find_best().best, wanted >= 0)
+                       : code(C::ESCAPE + 2 * shared + (gate.ahead >= 0), wanted >= 0)) {
+                take(k, code_apex(first, second, apex), wanted);
                 return;
             }
         } else if (Coder::encoding && wanted >= 0) {
@@ -315,7 +318,7 @@ private:
     void gather(const Gate& gate, int phase) {
         int32_t first = gate.to, second = gate.from;
         int32_t p = front_.parent(first), q = front_.parent(second);
-        candidates_.aim(first, second, front_.corner(previous_half_edge(gate.half_edge)));
+        candidates_.aim(gate.half_edge, first, second);
         if (p != q) {
             coarse_.each_at(p, q, gate.ahead,
                             [&](int32_t k) { add_children(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD); });
@@ -356,15 +359,16 @@ private:
         auto corner = static_cast<uint32_t>(candidates_.corner_of[best]);
         uint32_t closes = corner >> 1 & 3, z = closes == 3 ? 2 : closes != 0;
         uint32_t family = shared ? static_cast<uint32_t>(phase) : gate.ahead < 0 ? 2 : 3 + coarse_.covered(gate.ahead);
+        if (phase == 2) family = 5 + shared;
         uint32_t split = ((a.split | b.split) & 1) != 0;
         auto count = static_cast<uint32_t>(std::min(candidates_.count - 1, 3));
         auto score = static_cast<uint32_t>(std::clamp((candidates_.score_of[best] >> 7) + 16, 0, 31));
         int odds = odds_of(best);
         auto odds_place = static_cast<uint32_t>(odds_class(odds));
         question.contexts[0] = C::GATE + (((family * 3 + borders) * 3 + z) * 4 + count) * 2 + split;
-        question.contexts[1] = C::GATE_BY_SCORE + (score * 5 + family) * 3 + borders;
+        question.contexts[1] = C::GATE_BY_SCORE + (score * 7 + family) * 3 + borders;
         question.contexts[2] = C::GATE_BY_CORNER + (corner * 3 + borders) * 4 + count;
-        question.contexts[3] = C::GATE_BY_ODDS + (odds_place * 5 + family) * 3 + borders;
+        question.contexts[3] = C::GATE_BY_ODDS + (odds_place * 7 + family) * 3 + borders;
         question.opposed[0] = splat16(0);
         auto number = static_cast<int16_t>(std::clamp(odds * 177 >> 8, -2047, 2047));
         auto height = static_cast<int16_t>(std::clamp(candidates_.score_of[best] * 177 >> 8, -2047, 2047));
@@ -373,7 +377,7 @@ private:
         question.neurons[1] = N::GATE_CORNER + corner;
         question.neurons[2] = N::GATE_ODDS + odds_place;
         question.final_neuron = 8 + family;
-        return mixer_.code(coder_, question, wanted);
+        note(4 + static_cast<int>(std::min(family, 5u))); return mixer_.code(coder_, question, wanted);
     }
 
     // Which candidate it is. want: its lane (encoder). first_best: as found by find_best, with the rival.
@@ -420,14 +424,14 @@ private:
         question.neurons[1] = N::PICK_CORNER + corner;
         question.neurons[2] = N::PICK_ODDS + odds_place;
         question.final_neuron = t;
-        return mixer_.code(coder_, question, is);
+        note(10 + std::min(turn, 3) + 4 * static_cast<int>(std::min(corner >> 3, 4u))); return mixer_.code(coder_, question, is);
     }
 
     // ---- what is rare
 
-    // An apex that no gate offers: blocked, or not near in the coarse level.
-    int32_t code_far(int32_t first, int32_t second, int32_t known, int32_t apex, bool refused) {
-        candidates_.aim(first, second, known);
+    // All vertices near a half-edge's face, in whatever state. refused: without those that its gate has offered.
+    void gather_all(int32_t half_edge, int32_t first, int32_t second, bool refused) {
+        candidates_.aim(half_edge, first, second);
         int32_t p = front_.parent(first), q = front_.parent(second);
         if (p != q) {
             int32_t known_edge = coarse_.several() ? NONE : coarse_.edge(p, q);
@@ -444,12 +448,15 @@ private:
             coarse_.each_neighbour(p, [&](int32_t r) { add_children<true>(r, AROUND); });
         }
         candidates_.weigh();
-        if (refused) // those that the gate has offered
-            for (int i = 0; i < candidates_.lanes; i++)
-                if (candidates_.score_of[i] != NO_SCORE && front_.vertex(candidates_.vertex_of[i]).out != NONE)
-                    candidates_.drop(i);
+        if (!refused) return;
+        for (int i = 0; i < candidates_.lanes; i++)
+            if (candidates_.score_of[i] != NO_SCORE && !candidates_.is_blocked(candidates_.vertex_of[i]))
+                candidates_.drop(i);
+    }
+    // An apex among all vertices.
+    int32_t code_apex(int32_t first, int32_t second, int32_t apex) {
         int want = Coder::encoding ? candidates_.find(apex) : NONE;
-        if (candidates_.count > 0 && code(C::ESCAPE + 8 + refused, want >= 0) != 0) {
+        if (candidates_.count > 0 && code(C::ESCAPE + 8, want >= 0) != 0) {
             auto [best, rival] = candidates_.find_best();
             return candidates_.vertex_of[choose(best, rival, want, false)];
         }
@@ -457,7 +464,7 @@ private:
     }
     // A vertex by its number's distance, which is neither of these.
     int32_t code_vertex(uint32_t which, int32_t from, int32_t vertex, int32_t other) {
-        int32_t found = from + code_signed(coder_, number(which), vertex - from);
+        note(33 + static_cast<int>(which)); int32_t found = from + code_signed(coder_, number(which), vertex - from);
         expect(found >= 0 && static_cast<size_t>(found) < fine_.parents.size() && found != from && found != other,
                "a corner that is none");
         return found;
@@ -490,13 +497,15 @@ private:
                 if (wanted < 0) wanted = truth_.find(b, a), turned = true;
             }
             bool border = front_.twin(edge) < 0;
-            auto place = static_cast<uint32_t>(((shared * 6 + std::min(faces, 5)) * 3 + std::min(uncovered, 2)) * 4 +
-                                               2 * border + !(coarse_.split(p) && coarse_.split(q)));
+            int borders = (front_.vertex(a).split >> 1) + (front_.vertex(b).split >> 1);
+            auto place = static_cast<uint32_t>(
+                (((shared * 6 + std::min(faces, 5)) * 3 + std::min(uncovered, 2)) * 3 + borders) * 4 + 2 * border +
+                !(coarse_.split(p) && coarse_.split(q)));
             if (code(C::EXTRA + place, wanted >= 0) == 0) continue;
             turned = code(C::ESCAPE + 16 + border, turned) != 0;
             int32_t first = turned ? b : a, second = turned ? a : b;
-            int32_t apex = code_far(first, second, front_.corner(previous_half_edge(edge)),
-                                    Coder::encoding ? truth_.vertex(wanted, 2) : NONE, false);
+            gather_all(edge, first, second, false);
+            int32_t apex = code_apex(first, second, Coder::encoding ? truth_.vertex(wanted, 2) : NONE);
             if constexpr (Coder::encoding) truth_.tell(wanted);
             add_loose(first, second, apex);
             return true;
