@@ -215,7 +215,7 @@ public:
 
     // One step of the scores after a choice, with the weights that it was made with.
     void learn(int chosen, float all, const float* weights) {
-        constexpr float STEP = 48;
+        constexpr float STEP = 20;
         for (int i = 0; i < lanes; i += 4) {
             F32x4 weight = load<F32x4>(weights + i);
             I32x4 here = splat32(chosen - i) == I32x4{0, 1, 2, 3};
