@@ -1,9 +1,8 @@
-// How much work a profile's layers put into their predictions.
 #pragma once
 
 namespace meshtide {
 
-// Both efforts are one walk; they differ in contexts, geometry and the size of the mixer.
-enum class Effort { standard, high }; // "standard" is effort default, which C++ has as a keyword
+// How much work a stream is worth: what high takes more of are contexts, geometry and time, in both directions.
+enum class Effort { standard, high };
 
 } // namespace meshtide
