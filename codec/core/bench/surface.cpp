@@ -1,6 +1,8 @@
 // Bench of the encoder's geometry; also a shared library, for comparisons with other implementations (-DSHARED).
 #include "layers.hpp"
 #include "surface/closest_points.hpp"
+#include "surface/distance.hpp"
+#include "surface/simplification.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -38,6 +40,31 @@ double tree_visits(void* handle, const double* points, long k) {
     return static_cast<Handle*>(handle)->tree->visits_per_search(
         {reinterpret_cast<const Vector*>(points), static_cast<size_t>(k)});
 }
+void measure(const double* v, long n, const int32_t* f, long m, const double* w, long k, const int32_t* g, long l,
+             double* result) {
+    Budget budget(1ull << 40);
+    auto surface = [](const double* points, long count, const int32_t* faces, long face_count) {
+        return Surface{{reinterpret_cast<const Vector*>(points), static_cast<size_t>(count)},
+                       {faces, static_cast<size_t>(3 * face_count)}};
+    };
+    DistanceMeter meter(surface(v, n, f, m), {}, budget);
+    Distortion found = meter.measure(surface(w, k, g, l));
+    result[0] = found.rms, result[1] = found.maximum;
+}
+void* simplifier_new(const int32_t* positions, long n, const int32_t* faces, long m, int bits, long finest) {
+    static Budget budget(1ull << 40);
+    return new Simplifier({positions, static_cast<size_t>(3 * n)}, {faces, static_cast<size_t>(3 * m)}, bits,
+                          static_cast<size_t>(finest), budget);
+}
+void simplifier_reduce(void* simplifier, long target, double* vertices, int32_t* faces, long* counts) {
+    Budget budget(1ull << 40);
+    TriangleMesh mesh(budget);
+    static_cast<Simplifier*>(simplifier)->reduce(static_cast<size_t>(target), mesh);
+    std::memcpy(vertices, mesh.vertices.begin(), 24 * mesh.vertices.size());
+    std::memcpy(faces, mesh.faces.begin(), 4 * mesh.faces.size());
+    counts[0] = static_cast<long>(mesh.vertices.size()), counts[1] = static_cast<long>(mesh.faces.size() / 3);
+}
+void simplifier_free(void* simplifier) { delete static_cast<Simplifier*>(simplifier); }
 void tree_free(void* handle) { delete static_cast<Handle*>(handle); }
 }
 
