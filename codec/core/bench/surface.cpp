@@ -2,7 +2,7 @@
 #include "layers.hpp"
 #include "surface/closest_points.hpp"
 #include "surface/distance.hpp"
-#include "surface/simplification.hpp"
+#include "surface/previews.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -65,6 +65,22 @@ void simplifier_reduce(void* simplifier, long target, double* vertices, int32_t*
     counts[0] = static_cast<long>(mesh.vertices.size()), counts[1] = static_cast<long>(mesh.faces.size() / 3);
 }
 void simplifier_free(void* simplifier) { delete static_cast<Simplifier*>(simplifier); }
+// Previews one behind the other: bits, vertices, faces, positions, corners.
+long previews(const int32_t* positions, long n, const int32_t* faces, long m, int bits, size_t (*size)(long, int),
+              int32_t* out) {
+    Budget budget(1ull << 40);
+    GridMesh mesh{{positions, static_cast<size_t>(3 * n)}, {faces, static_cast<size_t>(3 * m)}, bits};
+    int32_t* start = out;
+    for (const Preview& preview : choose_previews(
+             mesh, [&](const Preview& p) { return size(static_cast<long>(p.vertex_count()), p.bits); }, budget)) {
+        *out++ = preview.bits;
+        *out++ = static_cast<int32_t>(preview.vertex_count());
+        *out++ = static_cast<int32_t>(preview.faces.size() / 3);
+        out = std::copy(preview.positions.begin(), preview.positions.end(), out);
+        out = std::copy(preview.faces.begin(), preview.faces.end(), out);
+    }
+    return out - start;
+}
 void tree_free(void* handle) { delete static_cast<Handle*>(handle); }
 }
 

@@ -10,7 +10,7 @@ constexpr size_t PROBES = 32;         // searches that tell how long all of them
 constexpr double ORDINARY = 40.0;     // visited nodes of a search that is no reason to look at fewer points
 constexpr double VISITS_ALLOWED = 3e5; // nodes visited in all before fewer points are looked at
 
-// Floats and doubles differ by so much of a distance, where it is larger than `Point::error`.
+// Floats and doubles differ by so much of a distance, where it is larger than what floats are wrong by.
 constexpr float RELATIVE = 1.0f / 64;
 
 double clamped(double value) { return value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value; }
@@ -67,20 +67,20 @@ Closest closest_on_face(const Surface& surface, size_t face, Vector point) {
 
 MESHTIDE_INLINE F32x4 ClosestPoints::squared_distances(const Node& node, const Point& point) {
     F32x4 zero = splat(0.0f);
-    F32x4 dx = greatest(greatest(node.low[0] - point.x, point.x - node.high[0]), zero);
-    F32x4 dy = greatest(greatest(node.low[1] - point.y, point.y - node.high[1]), zero);
-    F32x4 dz = greatest(greatest(node.low[2] - point.z, point.z - node.high[2]), zero);
-    return dx * dx + dy * dy + dz * dz;
+    F32x4 off[3];
+    for (int k = 0; k < 3; k++)
+        off[k] = greatest(greatest(load<F32x4>(node.low[k]) - point.at[k], point.at[k] - load<F32x4>(node.high[k])), zero);
+    return dot(off, off);
 }
 
 // From the plane where the point is over the triangle, otherwise from the nearest side. Whether it is over the triangle
 // is told by products with the normal, which stay right for slivers.
 MESHTIDE_INLINE F32x4 ClosestPoints::squared_distances(const Block& block, const Point& point) {
-    const F32x4(&b)[3] = block.second;
-    const F32x4(&c)[3] = block.third;
-    F32x4 p[3] = {point.x - block.first[0], point.y - block.first[1], point.z - block.first[2]};
-    F32x4 q[3], e[3];
+    F32x4 p[3], b[3], c[3], q[3], e[3]; // from the first corner, but for q, from the second
     for (int k = 0; k < 3; k++) {
+        p[k] = point.at[k] - load<F32x4>(block.first[k]);
+        b[k] = load<F32x4>(block.second[k]);
+        c[k] = load<F32x4>(block.third[k]);
         q[k] = p[k] - b[k];
         e[k] = c[k] - b[k];
     }
@@ -100,12 +100,12 @@ MESHTIDE_INLINE F32x4 ClosestPoints::squared_distances(const Block& block, const
 Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& visits) const {
     Closest best = closest_on_face(surface_, hint, at);
     Vector scaled = (at - centre_) * scale_;
-    Point point{splat(static_cast<float>(scaled.x)), splat(static_cast<float>(scaled.y)),
-                splat(static_cast<float>(scaled.z)), 0.0f};
-    float reach = std::abs(point.x[0]) + std::abs(point.y[0]) + std::abs(point.z[0]);
-    point.error = 6e-7f * (1.0f + reach);
-    // (d + error)^2 is at most this, whatever d is.
-    float slack = point.error * point.error * (1.0f + 1.0f / RELATIVE);
+    Point point{{splat(static_cast<float>(scaled.x)), splat(static_cast<float>(scaled.y)),
+                 splat(static_cast<float>(scaled.z))}};
+    float reach = std::abs(point.at[0][0]) + std::abs(point.at[1][0]) + std::abs(point.at[2][0]);
+    float error = 6e-7f * (1.0f + reach); // of distances
+    // (d + error)^2 is at most d^2 (1 + RELATIVE) + slack, whatever d is.
+    float slack = error * error * (1.0f + 1.0f / RELATIVE);
     double squared_scale = scale_ * scale_;
     auto limit_of = [&](double squared) { return static_cast<float>(squared * squared_scale) * (1.0f + RELATIVE) + slack; };
     float limit = limit_of(best.squared);
@@ -122,7 +122,7 @@ Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& vis
             const Node& node = nodes_[static_cast<size_t>(child)];
             visits++;
             F32x4 squared = squared_distances(node, point);
-            int near = ~signs(squared > splat(limit)) & ~signs(node.children == splat32(ABSENT)) & 15;
+            int near = ~signs(squared > splat(limit)) & ~signs(load<I32x4>(node.children) == splat32(ABSENT)) & 15;
             int32_t nearest = ABSENT;
             float least_squared = 0.0f;
             for (; near != 0; near &= near - 1) {

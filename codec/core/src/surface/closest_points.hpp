@@ -55,19 +55,18 @@ public:
     Span<const uint32_t> order() const { return order_.span(); }
 
 private:
-    // Children are nodes, or ~number of a block of up to four triangles.
+    // Four children, a lane for each: nodes, or ~number of a block of up to four triangles.
     struct Node {
-        F32x4 low[3], high[3]; // boxes of the children
-        I32x4 children;
-        I32x4 beams; // of each child, or -1
+        float low[3][4], high[3][4]; // boxes of the children
+        int32_t children[4];
+        int32_t beams[4]; // of each child, or -1
     };
     struct Block {
-        F32x4 first[3], second[3], third[3]; // corner, and the edges from it to the other two
-        I32x4 faces;                         // those that fill a block up are repeated
+        float first[3][4], second[3][4], third[3][4]; // corner, and the edges from it to the other two
+        int32_t faces[4];                             // those that fill a block up are repeated
     };
     struct Point {
-        F32x4 x, y, z;
-        float error; // of distances, in this search
+        F32x4 at[3];
     };
     struct Builder;
 

@@ -188,10 +188,11 @@ struct ClosestPoints::Builder {
             size_t children[4];
             size_t count = open(task.half, children);
             Node node;
-            for (F32x4& far : node.low) far = splat(FAR);
-            for (F32x4& far : node.high) far = splat(FAR);
-            node.children = splat32(ABSENT);
-            node.beams = splat32(-1);
+            for (size_t lane = count; lane < 4; lane++) {
+                for (size_t k = 0; k < 3; k++) node.low[k][lane] = node.high[k][lane] = FAR;
+                node.children[lane] = ABSENT;
+                node.beams[lane] = -1;
+            }
             for (size_t lane = 0; lane < count; lane++) {
                 const Half& half = halves[children[lane]];
                 enclose(node, lane, half.box);
@@ -222,7 +223,7 @@ struct ClosestPoints::Builder {
             Vector corners[3];
             for (size_t k = 0; k < 3; k++) corners[k] = (tree.surface_.at(face, k) - tree.centre_) * tree.scale_;
             Vector second = corners[1] - corners[0], third = corners[2] - corners[0];
-            auto put = [&](F32x4(&to)[3], Vector v) {
+            auto put = [&](float(&to)[3][4], Vector v) {
                 to[0][lane] = static_cast<float>(v.x);
                 to[1][lane] = static_cast<float>(v.y);
                 to[2][lane] = static_cast<float>(v.z);

@@ -60,8 +60,7 @@ Simplifier::Simplifier(Span<const int32_t> positions, Span<const int32_t> faces,
     find_edges(faces_.span(), vertices_.size(), edges, budget);
     heap_room_ = HEAP_PER_EDGE * edges.size() + 1;
     heap_.reserve(heap_room_);
-    for (const Edge& edge : edges)
-        heap_.push({collapsed(edge.from, edge.to).value, edge.from, edge.to, 0});
+    for (const Edge& edge : edges) heap_.push(entry_of(edge.from, edge.to));
     for (size_t i = heap_.size() / 4 + 1; i-- > 0;) sink(i);
 }
 
@@ -149,11 +148,11 @@ void Simplifier::reduce(size_t target, TriangleMesh& reduced) {
         }
         Entry entry = pop();
         if (!current(entry)) continue;
-        Vector to = collapsed(entry.u, entry.v).place;
-        if ((!gluing_ && glues(entry.u, entry.v)) || turns(entry.u, entry.v, to) || turns(entry.v, entry.u, to))
-            continue;
-        merge(entry.u, entry.v, to);
-        queue_around(entry.u, NOTHING);
+        int32_t u = entry.u(), v = entry.v;
+        Vector to = collapsed(u, v).place;
+        if ((!gluing_ && glues(u, v)) || turns(u, v, to) || turns(v, u, to)) continue;
+        merge(u, v, to);
+        queue_around(u, NOTHING);
     }
     reduced.faces.clear();
     for (size_t f = 0; f < alive_.size(); f++) {
@@ -176,6 +175,12 @@ QuadricMinimum Simplifier::collapsed(int32_t u, int32_t v) const {
     QuadricMinimum best = minimum(sum, middle, pull);
     best.value += pull * dot(half, half);
     return best;
+}
+
+Simplifier::Entry Simplifier::entry_of(int32_t u, int32_t v) const {
+    auto cost = std::bit_cast<uint32_t>(static_cast<float>(collapsed(u, v).value));
+    return {static_cast<uint64_t>(cost) << 32 | static_cast<uint32_t>(u), v,
+            versions_[static_cast<size_t>(u)] + versions_[static_cast<size_t>(v)]};
 }
 
 // Whether the ends share more neighbours than faces: the collapse would glue other edges together.
@@ -299,7 +304,7 @@ void Simplifier::queue_around(int32_t vertex, int32_t above) {
 }
 
 bool Simplifier::current(const Entry& entry) const {
-    uint32_t u = versions_[static_cast<size_t>(entry.u)], v = versions_[static_cast<size_t>(entry.v)];
+    uint32_t u = versions_[static_cast<size_t>(entry.u())], v = versions_[static_cast<size_t>(entry.v)];
     return u != GONE && v != GONE && u + v == entry.versions;
 }
 
@@ -309,7 +314,7 @@ void Simplifier::push(int32_t u, int32_t v) {
         compact();
         if (heap_.size() == heap_room_) return;
     }
-    Entry entry{collapsed(u, v).value, u, v, versions_[static_cast<size_t>(u)] + versions_[static_cast<size_t>(v)]};
+    Entry entry = entry_of(u, v);
     heap_.push(entry);
     Entry* heap = heap_.begin();
     size_t place = heap_.size() - 1;

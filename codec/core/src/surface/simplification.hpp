@@ -30,18 +30,19 @@ private:
         Vector position;
         Quadric quadric;
     };
+    // An edge in the queue. The key is the cost as a float, whose bits rise as it does, then u.
     struct Entry {
-        double cost;
-        int32_t u, v;
+        uint64_t key;
+        int32_t v;
         uint32_t versions; // the sum of both when the cost was found: they only ever rise
-        bool operator<(const Entry& other) const {
-            return cost != other.cost ? cost < other.cost : u != other.u ? u < other.u : v < other.v;
-        }
+        int32_t u() const { return static_cast<int32_t>(key & INT32_MAX); }
+        bool operator<(const Entry& other) const { return key != other.key ? key < other.key : v < other.v; }
     };
 
     void cluster(Span<const int32_t> positions, Span<const int32_t> faces, int bits, size_t fewest);
     void list_corners();
     QuadricMinimum collapsed(int32_t u, int32_t v) const;
+    Entry entry_of(int32_t u, int32_t v) const;
     bool glues(int32_t u, int32_t v);
     bool turns(int32_t moved, int32_t merged, Vector to);
     void merge(int32_t u, int32_t v, Vector to);
