@@ -21,17 +21,31 @@ public:
     virtual const DiffSlice& slice(size_t number) const = 0;
 };
 
+// What one slice of Diffs knows and has learned.
+template <Effort effort>
+struct SliceLayers {
+    SliceLayers(Budget& budget, SliceRange range, MirrorPlane mirror) : diffs(budget, range, mirror), model(budget) {}
+    DiffSlice diffs;
+    DiffModel<effort> model;
+};
+
+// starts: the first Morton code of each slice.
+template <Effort effort>
+std::vector<SliceLayers<effort>> make_slices(Budget& budget, const Plan& plan, Span<const uint64_t> starts) {
+    std::vector<SliceLayers<effort>> slices;
+    for (size_t i = 0; i < starts.size(); i++) {
+        SliceRange range{plan.bits, starts[i]};
+        if (i + 1 < starts.size()) range.end = starts[i + 1];
+        slices.emplace_back(budget, range, plan.mirror);
+    }
+    return slices;
+}
+
 template <Effort effort>
 class DecoderLayersOf final : public DecoderLayers {
 public:
-    // starts: the first Morton code of each slice.
-    DecoderLayersOf(Budget& budget, const Plan& plan, Span<const uint64_t> starts) : plan_(plan), reliable_(budget) {
-        for (size_t i = 0; i < starts.size(); i++) {
-            SliceRange range{plan.bits, starts[i]};
-            if (i + 1 < starts.size()) range.end = starts[i + 1];
-            slices_.emplace_back(budget, range, plan.mirror);
-        }
-    }
+    DecoderLayersOf(Budget& budget, const Plan& plan, Span<const uint64_t> starts)
+        : plan_(plan), reliable_(budget), slices_(make_slices<effort>(budget, plan, starts)) {}
 
     void decode_base(Span<const uint8_t> payload, LevelChain& chain, int base_depth) override {
         RangeDecoder coder(payload);
@@ -57,22 +71,33 @@ public:
     const DiffSlice& slice(size_t number) const override { return slices_[number].diffs; }
 
 private:
-    struct Slice {
-        Slice(Budget& budget, SliceRange range, MirrorPlane mirror) : diffs(budget, range, mirror), model(budget) {}
-        DiffSlice diffs;
-        DiffModel<effort> model;
-    };
     void decode_levels(RangeDecoder& coder, LevelChain& chain, int depth) {
         while (chain.known_depth() < depth) code_next_level<effort>(coder, plan_, reliable_, chain);
-        for (Slice& each : slices_) each.diffs.enter(chain.at(0));
+        for (auto& each : slices_) each.diffs.enter(chain.at(0));
     }
 
     Plan plan_;
     ReliableModels<effort> reliable_;
-    std::vector<Slice> slices_;
+    std::vector<SliceLayers<effort>> slices_;
 };
 
 std::unique_ptr<DecoderLayers> make_decoder_layers(Effort effort, Budget& budget, const Plan& plan,
                                                    Span<const uint64_t> starts);
+
+// The same for an encoder, which knows the whole octree. Payloads are written into `out`.
+class EncoderLayers {
+public:
+    virtual ~EncoderLayers() = default;
+    virtual void encode_base(int base_depth, Array<uint8_t>& out) = 0;
+    virtual void encode_next_level(Array<uint8_t>& out) = 0;
+    // The bit planes of a slice up to a depth, whose level is known.
+    virtual void encode_planes(size_t slice, int depth, Array<uint8_t>& out) = 0;
+    // Levels down to the one whose cells are all leaves, and all bit planes.
+    virtual void encode_preview(Array<uint8_t>& out) = 0;
+    virtual const LevelChain& chain() const = 0;
+};
+
+std::unique_ptr<EncoderLayers> make_encoder_layers(Effort effort, Budget& budget, const Octree& octree,
+                                                   const MirrorPlane& mirror, Span<const uint64_t> starts);
 
 } // namespace meshtide::inline MESHTIDE_ISA
