@@ -3,6 +3,7 @@
 #include "surface/closest_points.hpp"
 #include "surface/distance.hpp"
 #include "surface/previews.hpp"
+#include "surface/samples.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -86,6 +87,89 @@ void tree_free(void* handle) { delete static_cast<Handle*>(handle); }
 
 #else
 
-int main() { return 0; }
+namespace {
+
+// Least time of some runs, in milliseconds.
+template <class Work>
+double least_time(int runs, Work work) {
+    double least = 1e9;
+    for (int i = 0; i < runs; i++) {
+        double start = seconds();
+        work();
+        least = std::min(least, seconds() - start);
+    }
+    return 1e3 * least;
+}
+
+struct Loaded {
+    explicit Loaded(const std::string& path) : sample(load_sample(path)) {
+        for (size_t i = 0; i < sample.positions.size(); i += 3)
+            points.push_back({static_cast<double>(sample.positions[i]), static_cast<double>(sample.positions[i + 1]),
+                              static_cast<double>(sample.positions[i + 2])});
+    }
+    Surface surface() const {
+        return {{points.data(), points.size()}, {sample.faces.data(), sample.faces.size()}};
+    }
+    GridMesh grid() const {
+        return {{sample.positions.data(), sample.positions.size()}, {sample.faces.data(), sample.faces.size()},
+                sample.bits};
+    }
+    Sample sample;
+    std::vector<Vector> points;
+};
+
+void bench(const Loaded& mesh, int runs) {
+    Budget budget(1ull << 40);
+    std::unique_ptr<ClosestPoints> tree;
+    double build = least_time(runs, [&] { tree = std::make_unique<ClosestPoints>(mesh.surface(), budget); });
+    std::vector<Foot> feet(20000);
+    sample(mesh.surface(), tree->order(), 7, {feet.data(), feet.size()});
+    std::vector<Vector> points;
+    for (size_t i = 0; i < feet.size(); i++) { // up to 8 steps off the surface
+        Vector normal = mesh.surface().normal(static_cast<size_t>(feet[i].face));
+        double size = length(normal);
+        Vector on = feet[i].on(mesh.surface());
+        points.push_back(size > 0.0 ? on + normal * (static_cast<double>(i % 17 - 8.0) / size) : on);
+    }
+    Spread spread;
+    double search = least_time(runs, [&] { spread = tree->spread({points.data(), points.size()}); });
+    TriangleMesh reduced(budget);
+    size_t n = mesh.points.size();
+    double simplify = least_time(runs, [&] {
+        Simplifier simplifier(mesh.grid().positions, mesh.grid().faces, mesh.sample.bits, n / 40, budget);
+        simplifier.reduce(n / 40, reduced);
+    });
+    double fit = least_time(runs, [&] {
+        TriangleMesh copy(budget);
+        copy.vertices.copy(reduced.vertices.span());
+        copy.faces.copy(reduced.faces.span());
+        Refitter refitter(*tree, copy.faces.span(), copy.vertices.size(), budget);
+        refitter.fit(copy.vertices.span());
+    });
+    size_t count = 0;
+    double choice = least_time(std::min(runs, 3), [&] {
+        count = choose_previews(mesh.grid(), [](const Preview& p) { return p.vertex_count() * static_cast<size_t>(9 + p.bits * 3 / 2); },
+                                budget)
+                    .size();
+    });
+    std::printf("%-22s tree %6.2f ms, search %5.0f ns (visits %.1f, rms %.4f), simplify %6.2f ms, fit %6.2f ms, "
+                "%zu previews %6.1f ms\n",
+                mesh.sample.name.c_str(), build, 1e6 * search / static_cast<double>(points.size()),
+                tree->visits_per_search({points.data(), points.size()}), std::sqrt(spread.mean), simplify, fit, count,
+                choice);
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    int runs = 5;
+    for (int i = 1; i < argc; i++) {
+        if (std::string(argv[i]) == "-n")
+            runs = std::atoi(argv[++i]);
+        else
+            bench(Loaded(argv[i]), runs);
+    }
+    return 0;
+}
 
 #endif

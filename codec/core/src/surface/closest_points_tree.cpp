@@ -232,13 +232,15 @@ struct ClosestPoints::Builder {
             put(block.second, second);
             put(block.third, third);
             block.faces[lane] = static_cast<int32_t>(face);
+            tree.block_of_face_[face] = static_cast<uint32_t>(tree.blocks_.size());
         }
         tree.blocks_.push(block);
     }
 };
 
 ClosestPoints::ClosestPoints(Surface surface, Budget& budget)
-    : surface_(surface), order_(budget), nodes_(budget), blocks_(budget), beams_(budget) {
+    : surface_(surface), order_(budget), nodes_(budget), blocks_(budget), block_of_face_(budget),
+      beams_(budget) {
     size_t faces = surface.face_count();
     if (faces == 0 || faces > INT32_MAX / 4) fail(Fault::argument, "a surface must have triangles, not too many");
     for (int32_t v : surface.faces)
@@ -249,6 +251,7 @@ ClosestPoints::ClosestPoints(Surface surface, Budget& budget)
         Array<Keyed> keys(budget);
         sort_faces(surface, keys, budget);
         order_.resize(faces);
+        block_of_face_.resize(faces);
         for (size_t i = 0; i < faces; i++) order_[i] = keys[i].place;
         builder.halves.reserve(faces);
         halve(keys, builder.halves, budget);
