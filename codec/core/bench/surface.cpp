@@ -1,7 +1,9 @@
 // Bench of the encoder's geometry; also a shared library, for comparisons with other implementations (-DSHARED).
 #include "layers.hpp"
 #include "surface/closest_points.hpp"
+#include "surface/display_filter.hpp"
 #include "surface/distance.hpp"
+#include "surface/mirror.hpp"
 #include "surface/previews.hpp"
 #include "surface/samples.hpp"
 
@@ -82,6 +84,36 @@ long previews(const int32_t* positions, long n, const int32_t* faces, long m, in
     }
     return out - start;
 }
+void mirror(const int32_t* positions, long n, int32_t* out) {
+    Budget budget(1ull << 40);
+    Mirror found = find_mirror({positions, static_cast<size_t>(3 * n)}, budget);
+    out[0] = found.axis, out[1] = found.sum;
+}
+void strengths(const int32_t* positions, long n, const int32_t* faces, long m, int bits, int first, uint8_t* out) {
+    Budget budget(1ull << 40);
+    Octree octree({positions, static_cast<size_t>(3 * n)}, {faces, static_cast<size_t>(3 * m)}, bits, budget);
+    Array<uint8_t> chosen(budget);
+    choose_strengths(octree, first, chosen, budget);
+    std::copy(chosen.begin(), chosen.end(), out);
+}
+// Middles and half sides of the cells; rings are given back too.
+void drawn(const double* middles, const int32_t* sides, long n, const int32_t* faces, long m, int f, int g,
+           double* out, uint32_t* starts, int32_t* members, uint8_t* closed) {
+    Budget budget(1ull << 40);
+    Rings rings(budget);
+    Array<F32x4> cells(budget);
+    Array<Vector> vertices(budget);
+    order_rings({faces, static_cast<size_t>(3 * m)}, static_cast<size_t>(n), rings, budget);
+    for (long i = 0; i < 3 * n; i += 3)
+        cells.push({static_cast<float>(middles[i]), static_cast<float>(middles[i + 1]),
+                    static_cast<float>(middles[i + 2]), 0.0f});
+    draw({cells.span(), {sides, static_cast<size_t>(n)}}, rings,
+         {static_cast<uint8_t>(f), static_cast<uint8_t>(g)}, vertices, budget);
+    std::memcpy(out, vertices.begin(), 24 * vertices.size());
+    std::copy(rings.starts.begin(), rings.starts.end(), starts);
+    std::copy(rings.members.begin(), rings.members.end(), members);
+    std::copy(rings.closed.begin(), rings.closed.end(), closed);
+}
 void tree_free(void* handle) { delete static_cast<Handle*>(handle); }
 }
 
@@ -152,6 +184,14 @@ void bench(const Loaded& mesh, int runs) {
                                 budget)
                     .size();
     });
+    Octree octree(mesh.grid().positions, mesh.grid().faces, mesh.sample.bits, budget);
+    Array<uint8_t> chosen(budget);
+    double strengths = least_time(runs, [&] { choose_strengths(octree, 3, chosen, budget); });
+    Mirror mirror;
+    double mirrored = least_time(runs, [&] { mirror = find_mirror(mesh.grid().positions, budget); });
+    if (mirror.axis != mesh.sample.mirror_axis || mirror.sum != mesh.sample.mirror_sum)
+        std::printf("the mirror differs: axis %d sum %d\n", mirror.axis, mirror.sum);
+    std::printf("%-22s strengths %6.2f ms, mirror %6.2f ms\n", mesh.sample.name.c_str(), strengths, mirrored);
     std::printf("%-22s tree %6.2f ms, search %5.0f ns (visits %.1f, rms %.4f), simplify %6.2f ms, fit %6.2f ms, "
                 "%zu previews %6.1f ms\n",
                 mesh.sample.name.c_str(), build, 1e6 * search / static_cast<double>(points.size()),
