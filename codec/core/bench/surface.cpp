@@ -3,7 +3,9 @@
 #include "surface/closest_points.hpp"
 #include "surface/display_filter.hpp"
 #include "surface/distance.hpp"
+#include "surface/filters.hpp"
 #include "surface/mirror.hpp"
+#include "surface/order.hpp"
 #include "surface/previews.hpp"
 #include "surface/samples.hpp"
 
@@ -97,8 +99,8 @@ void strengths(const int32_t* positions, long n, const int32_t* faces, long m, i
     std::copy(chosen.begin(), chosen.end(), out);
 }
 // Middles and half sides of the cells; rings are given back too.
-void drawn(const double* middles, const int32_t* sides, long n, const int32_t* faces, long m, int f, int g,
-           double* out, uint32_t* starts, int32_t* members, uint8_t* closed) {
+void drawn(const double* middles, const int32_t* sides, long n, const int32_t* faces, long m, int f, int g, double* out,
+           uint32_t* starts, int32_t* members, uint8_t* closed) {
     Budget budget(1ull << 40);
     Rings rings(budget);
     Array<F32x4> cells(budget);
@@ -107,12 +109,41 @@ void drawn(const double* middles, const int32_t* sides, long n, const int32_t* f
     for (long i = 0; i < 3 * n; i += 3)
         cells.push({static_cast<float>(middles[i]), static_cast<float>(middles[i + 1]),
                     static_cast<float>(middles[i + 2]), 0.0f});
-    draw({cells.span(), {sides, static_cast<size_t>(n)}}, rings,
-         {static_cast<uint8_t>(f), static_cast<uint8_t>(g)}, vertices, budget);
+    draw({cells.span(), {sides, static_cast<size_t>(n)}}, rings, {static_cast<uint8_t>(f), static_cast<uint8_t>(g)},
+         vertices, budget);
     std::memcpy(out, vertices.begin(), 24 * vertices.size());
     std::copy(rings.starts.begin(), rings.starts.end(), starts);
     std::copy(rings.members.begin(), rings.members.end(), members);
     std::copy(rings.closed.begin(), rings.closed.end(), closed);
+}
+void filter(const int32_t* faces, long m, const double* points, long n, const int32_t* kinds, const double* taubin,
+            const float* coefficients, double* out) {
+    Budget budget(1ull << 40);
+    Graph graph(budget);
+    auto count = static_cast<size_t>(n);
+    build_graph({faces, static_cast<size_t>(3 * m)}, count, graph, budget);
+    Filter filter{static_cast<FilterKind>(kinds[0]),
+                  static_cast<FilterBasis>(kinds[1]),
+                  static_cast<size_t>(kinds[2]),
+                  static_cast<size_t>(kinds[3]),
+                  taubin[0],
+                  taubin[1]};
+    predict(graph, filter, {coefficients, 3 * filter.coefficient_count()},
+            {reinterpret_cast<const Vector*>(points), count}, {reinterpret_cast<Vector*>(out), count}, budget);
+}
+// Encodes, decodes and compares; the size of the packet, or -1.
+long order(const uint32_t* vertices, long n, const uint32_t* faces, long m, const int32_t* stream, long k, long v) {
+    Budget budget(1ull << 40);
+    InputOrder input(budget), output(budget);
+    input.vertices.copy({vertices, static_cast<size_t>(n)});
+    input.faces.copy({faces, static_cast<size_t>(3 * m)});
+    StreamMesh mesh{{stream, static_cast<size_t>(3 * k)}, static_cast<size_t>(v)};
+    Array<uint8_t> payload(budget);
+    encode_order(input, mesh, payload, budget);
+    decode_order(payload.span(), mesh, {1u << 30, 1u << 30}, output, budget);
+    bool same = std::equal(input.vertices.begin(), input.vertices.end(), output.vertices.begin()) &&
+                std::equal(input.faces.begin(), input.faces.end(), output.faces.begin());
+    return same ? static_cast<long>(payload.size()) : -1;
 }
 void tree_free(void* handle) { delete static_cast<Handle*>(handle); }
 }
@@ -139,11 +170,10 @@ struct Loaded {
             points.push_back({static_cast<double>(sample.positions[i]), static_cast<double>(sample.positions[i + 1]),
                               static_cast<double>(sample.positions[i + 2])});
     }
-    Surface surface() const {
-        return {{points.data(), points.size()}, {sample.faces.data(), sample.faces.size()}};
-    }
+    Surface surface() const { return {{points.data(), points.size()}, {sample.faces.data(), sample.faces.size()}}; }
     GridMesh grid() const {
-        return {{sample.positions.data(), sample.positions.size()}, {sample.faces.data(), sample.faces.size()},
+        return {{sample.positions.data(), sample.positions.size()},
+                {sample.faces.data(), sample.faces.size()},
                 sample.bits};
     }
     Sample sample;
@@ -161,7 +191,7 @@ void bench(const Loaded& mesh, int runs) {
         Vector normal = mesh.surface().normal(static_cast<size_t>(feet[i].face));
         double size = length(normal);
         Vector on = feet[i].on(mesh.surface());
-        points.push_back(size > 0.0 ? on + normal * (static_cast<double>(i % 17 - 8.0) / size) : on);
+        points.push_back(size > 0.0 ? on + normal * ((static_cast<double>(i % 17) - 8.0) / size) : on);
     }
     Spread spread;
     double search = least_time(runs, [&] { spread = tree->spread({points.data(), points.size()}); });
@@ -180,8 +210,9 @@ void bench(const Loaded& mesh, int runs) {
     });
     size_t count = 0;
     double choice = least_time(std::min(runs, 3), [&] {
-        count = choose_previews(mesh.grid(), [](const Preview& p) { return p.vertex_count() * static_cast<size_t>(9 + p.bits * 3 / 2); },
-                                budget)
+        count = choose_previews(
+                    mesh.grid(),
+                    [](const Preview& p) { return p.vertex_count() * static_cast<size_t>(9 + p.bits * 3 / 2); }, budget)
                     .size();
     });
     Octree octree(mesh.grid().positions, mesh.grid().faces, mesh.sample.bits, budget);

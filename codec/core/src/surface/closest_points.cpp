@@ -1,13 +1,14 @@
 #include "surface/closest_points.hpp"
+
 #include "surface/closest_points_tree.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
-constexpr double WELL_SHAPED = 1e-10; // (sine of a corner)^2 below which the sides have a say in any case
-constexpr size_t PROBES = 32;         // searches that tell how long all of them would take
-constexpr double ORDINARY = 40.0;     // visited nodes of a search that is no reason to look at fewer points
+constexpr double WELL_SHAPED = 1e-10;  // (sine of a corner)^2 below which the sides have a say in any case
+constexpr size_t PROBES = 32;          // searches that tell how long all of them would take
+constexpr double ORDINARY = 40.0;      // visited nodes of a search that is no reason to look at fewer points
 constexpr double VISITS_ALLOWED = 3e5; // nodes visited in all before fewer points are looked at
 
 // Floats and doubles differ by so much of a distance, where it is larger than what floats are wrong by.
@@ -69,7 +70,8 @@ MESHTIDE_INLINE F32x4 ClosestPoints::squared_distances(const Node& node, const P
     F32x4 zero = splat(0.0f);
     F32x4 off[3];
     for (int k = 0; k < 3; k++)
-        off[k] = greatest(greatest(load<F32x4>(node.low[k]) - point.at[k], point.at[k] - load<F32x4>(node.high[k])), zero);
+        off[k] =
+            greatest(greatest(load<F32x4>(node.low[k]) - point.at[k], point.at[k] - load<F32x4>(node.high[k])), zero);
     return dot(off, off);
 }
 
@@ -166,7 +168,8 @@ Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& vis
             const Node& node = nodes_[static_cast<size_t>(child)];
             visits++;
             F32x4 squared = squared_distances(node, point);
-            int near = ~signs(squared > splat(contest.limit)) & ~signs(load<I32x4>(node.children) == splat32(ABSENT)) & 15;
+            int near =
+                ~signs(squared > splat(contest.limit)) & ~signs(load<I32x4>(node.children) == splat32(ABSENT)) & 15;
             int32_t nearest = ABSENT;
             float least_squared = 0.0f;
             for (; near != 0; near &= near - 1) {

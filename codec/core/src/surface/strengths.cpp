@@ -68,7 +68,7 @@ public:
 private:
     F32x4 finest(int32_t vertex) const {
         const int32_t* at = octree_.positions.block(3 * static_cast<size_t>(vertex), 3);
-        return {static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2]), 0.0f};
+        return F32x4{static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2]), 0.0f};
     }
 
     void find_planes(const Octree::Depth& level, int shift) {
