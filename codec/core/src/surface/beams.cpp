@@ -17,8 +17,7 @@ Vector across(Vector offset, Vector direction) { return offset - direction * dot
 
 double Beam::squared_distance(Vector from) const {
     Vector offset = from - point;
-    double distance =
-        length(across(offset, direction)) - radius - ROUNDING * std::abs(dot(offset, direction));
+    double distance = length(across(offset, direction)) - radius - ROUNDING * std::abs(dot(offset, direction));
     return distance > 0.0 ? distance * distance : 0.0;
 }
 
@@ -44,8 +43,7 @@ Thinness find_beam(const Surface& surface, const BeamRange& range, Beam& beam) {
     }
     double radius = std::sqrt(largest);
     beam.radius = radius + ROUNDING * diagonal;
-    double middle_side =
-        std::max(std::min(sides.x, sides.y), std::min(std::max(sides.x, sides.y), sides.z));
+    double middle_side = std::max(std::min(sides.x, sides.y), std::min(std::max(sides.x, sides.y), sides.z));
     return middle_side >= WORTH * radius ? Thinness::worth_a_beam : Thinness::thin;
 }
 

@@ -1,13 +1,14 @@
 #include "surface/closest_points.hpp"
+
 #include "surface/closest_points_tree.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
-constexpr double WELL_SHAPED = 1e-10; // (sine of a corner)^2 below which the sides have a say in any case
-constexpr size_t PROBES = 32;         // searches that tell how long all of them would take
-constexpr double ORDINARY = 40.0;     // visited nodes of a search that is no reason to look at fewer points
+constexpr double WELL_SHAPED = 1e-10;  // (sine of a corner)^2 below which the sides have a say in any case
+constexpr size_t PROBES = 32;          // searches that tell how long all of them would take
+constexpr double ORDINARY = 40.0;      // visited nodes of a search that is no reason to look at fewer points
 constexpr double VISITS_ALLOWED = 3e5; // nodes visited in all before fewer points are looked at
 
 // Floats and doubles differ by so much of a distance, where it is larger than what floats are wrong by.
@@ -69,7 +70,8 @@ MESHTIDE_INLINE F32x4 ClosestPoints::squared_distances(const Node& node, const P
     F32x4 zero = splat(0.0f);
     F32x4 off[3];
     for (int k = 0; k < 3; k++)
-        off[k] = greatest(greatest(load<F32x4>(node.low[k]) - point.at[k], point.at[k] - load<F32x4>(node.high[k])), zero);
+        off[k] =
+            greatest(greatest(load<F32x4>(node.low[k]) - point.at[k], point.at[k] - load<F32x4>(node.high[k])), zero);
     return dot(off, off);
 }
 
@@ -97,18 +99,62 @@ MESHTIDE_INLINE F32x4 ClosestPoints::squared_distances(const Block& block, const
     return select(over, least(plane, sides), sides);
 }
 
+// Triangles that may be the closest, by their distances in floats.
+struct ClosestPoints::Contest {
+    static constexpr size_t ROOM = 16;
+    struct Entry {
+        int32_t face;
+        float squared;
+    };
+    Contest(const ClosestPoints& tree_, Vector at_, float slack_) : tree(tree_), at(at_), slack(slack_) {}
+
+    const ClosestPoints& tree;
+    Vector at;
+    float slack;
+    float limit = FAR * FAR; // none beyond it can win
+    size_t count = 0;
+    Closest best{INFINITY, {}}; // of those that have been measured in doubles
+    Entry entries[ROOM];
+
+    MESHTIDE_INLINE void enter(const Block& block, const Point& point) {
+        F32x4 squared = squared_distances(block, point);
+        int near = ~signs(squared > splat(limit)) & 15;
+        for (; near != 0; near &= near - 1) {
+            auto lane = static_cast<size_t>(__builtin_ctz(static_cast<unsigned>(near)));
+            if (squared[lane] > limit) continue;
+            if (count == ROOM) [[unlikely]]
+                measure();
+            entries[count++] = {block.faces[lane], squared[lane]};
+            lower_limit(squared[lane]);
+        }
+    }
+    void lower_limit(float squared) {
+        float lowered = squared * (1.0f + RELATIVE) + slack;
+        limit = lowered < limit ? lowered : limit;
+    }
+    // In doubles, which leaves none.
+    void measure() {
+        for (size_t i = 0; i < count; i++) {
+            if (entries[i].squared > limit) continue;
+            Closest found = closest_on_face(tree.surface_, static_cast<size_t>(entries[i].face), at);
+            if (found.squared < best.squared || best.foot.face < 0) best = found;
+        }
+        count = 0;
+        lower_limit(static_cast<float>(best.squared * tree.scale_ * tree.scale_));
+    }
+};
+
 Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& visits) const {
-    Closest best = closest_on_face(surface_, hint, at);
     Vector scaled = (at - centre_) * scale_;
     Point point{{splat(static_cast<float>(scaled.x)), splat(static_cast<float>(scaled.y)),
                  splat(static_cast<float>(scaled.z))}};
     float reach = std::abs(point.at[0][0]) + std::abs(point.at[1][0]) + std::abs(point.at[2][0]);
-    float error = 6e-7f * (1.0f + reach); // of distances
+    float error = 1.2e-6f * (1.0f + reach); // of two distances
     // (d + error)^2 is at most d^2 (1 + RELATIVE) + slack, whatever d is.
-    float slack = error * error * (1.0f + 1.0f / RELATIVE);
-    double squared_scale = scale_ * scale_;
-    auto limit_of = [&](double squared) { return static_cast<float>(squared * squared_scale) * (1.0f + RELATIVE) + slack; };
-    float limit = limit_of(best.squared);
+    Contest contest(*this, at, error * error * (1.0f + 1.0f / RELATIVE));
+    int32_t first = ~static_cast<int32_t>(block_of_face_[hint]);
+    contest.enter(blocks_[block_of_face_[hint]], point);
+    double enough_scaled = enough * scale_ * scale_;
 
     struct Pending {
         int32_t child;
@@ -117,21 +163,23 @@ Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& vis
     Pending pending[STACK_SIZE];
     size_t height = 0;
     int32_t child = 0;
-    while (best.squared > enough) {
+    while (static_cast<double>(contest.limit) > enough_scaled) {
         if (child >= 0) {
             const Node& node = nodes_[static_cast<size_t>(child)];
             visits++;
             F32x4 squared = squared_distances(node, point);
-            int near = ~signs(squared > splat(limit)) & ~signs(load<I32x4>(node.children) == splat32(ABSENT)) & 15;
+            int near =
+                ~signs(squared > splat(contest.limit)) & ~signs(load<I32x4>(node.children) == splat32(ABSENT)) & 15;
             int32_t nearest = ABSENT;
             float least_squared = 0.0f;
             for (; near != 0; near &= near - 1) {
                 auto lane = static_cast<size_t>(__builtin_ctz(static_cast<unsigned>(near)));
+                Pending found{node.children[lane], squared[lane]};
+                if (found.child == first) continue;
                 if (node.beams[lane] >= 0) [[unlikely]] {
                     double apart = beams_[static_cast<size_t>(node.beams[lane])].squared_distance(at);
-                    if (apart >= best.squared) continue;
+                    if (apart * scale_ * scale_ > static_cast<double>(contest.limit)) continue;
                 }
-                Pending found{node.children[lane], squared[lane]};
                 if (nearest == ABSENT) {
                     nearest = found.child, least_squared = found.squared;
                     continue;
@@ -147,25 +195,15 @@ Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& vis
                 continue;
             }
         } else {
-            const Block& block = blocks_[static_cast<size_t>(~child)];
-            F32x4 squared = squared_distances(block, point);
-            int near = ~signs(squared > splat(limit)) & 15;
-            for (; near != 0; near &= near - 1) {
-                auto lane = static_cast<size_t>(__builtin_ctz(static_cast<unsigned>(near)));
-                if (squared[lane] > limit || block.faces[lane] == best.foot.face) continue;
-                Closest found = closest_on_face(surface_, static_cast<size_t>(block.faces[lane]), at);
-                if (found.squared >= best.squared) continue;
-                best = found;
-                limit = limit_of(best.squared);
-            }
+            contest.enter(blocks_[static_cast<size_t>(~child)], point);
         }
-        do {
-            if (height == 0) return best;
-            height--;
-        } while (pending[height].squared > limit);
+        bool found = false;
+        while (!found && height > 0) found = !(pending[--height].squared > contest.limit);
+        if (!found) break;
         child = pending[height].child;
     }
-    return best;
+    contest.measure();
+    return contest.best;
 }
 
 Closest ClosestPoints::closest(Vector point, size_t hint, double enough) const {

@@ -68,6 +68,7 @@ private:
     struct Point {
         F32x4 at[3];
     };
+    struct Contest;
     struct Builder;
 
     static F32x4 squared_distances(const Node& node, const Point& point);
@@ -81,6 +82,7 @@ private:
     Array<uint32_t> order_;
     Array<Node> nodes_;
     Array<Block> blocks_;
+    Array<uint32_t> block_of_face_;
     Array<Beam> beams_;
 };
 

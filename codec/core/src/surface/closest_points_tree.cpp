@@ -1,6 +1,7 @@
 // Building of the tree: the curve, a binary tree over it with boxes and beams, and its merging into nodes of four.
-#include "surface/closest_points.hpp"
 #include "surface/closest_points_tree.hpp"
+
+#include "surface/closest_points.hpp"
 #include "surface/sorting.hpp"
 
 #include <bit>
@@ -29,7 +30,7 @@ struct Box {
 // A node of the binary tree; its first child follows it.
 struct Half {
     uint32_t first = 0, end = 0; // in the order
-    int32_t second_child = -1; // none: a leaf
+    int32_t second_child = -1;   // none: a leaf
     int32_t beam = -1;
     Box box;
     uint32_t longest = 0;
@@ -129,8 +130,8 @@ struct ClosestPoints::Builder {
                 half.longest_squared = longer.longest_squared;
                 if (!one.thin && !other.thin) continue;
             }
-            BeamRange range{tree.order_.span(),  half.first, half.end, half.box.low, half.box.high, half.longest,
-                            half.longest_squared};
+            BeamRange range{tree.order_.span(), half.first,          half.end, half.box.low, half.box.high,
+                            half.longest,       half.longest_squared};
             Beam beam;
             Thinness thinness = find_beam(surface, range, beam);
             half.thin = thinness != Thinness::wide;
@@ -183,8 +184,7 @@ struct ClosestPoints::Builder {
         while (!tasks.empty()) {
             Task task = tasks.pop();
             size_t number = tree.nodes_.size();
-            if (task.node != SIZE_MAX)
-                tree.nodes_[task.node].children[task.lane] = static_cast<int32_t>(number);
+            if (task.node != SIZE_MAX) tree.nodes_[task.node].children[task.lane] = static_cast<int32_t>(number);
             size_t children[4];
             size_t count = open(task.half, children);
             Node node;
@@ -232,13 +232,14 @@ struct ClosestPoints::Builder {
             put(block.second, second);
             put(block.third, third);
             block.faces[lane] = static_cast<int32_t>(face);
+            tree.block_of_face_[face] = static_cast<uint32_t>(tree.blocks_.size());
         }
         tree.blocks_.push(block);
     }
 };
 
 ClosestPoints::ClosestPoints(Surface surface, Budget& budget)
-    : surface_(surface), order_(budget), nodes_(budget), blocks_(budget), beams_(budget) {
+    : surface_(surface), order_(budget), nodes_(budget), blocks_(budget), block_of_face_(budget), beams_(budget) {
     size_t faces = surface.face_count();
     if (faces == 0 || faces > INT32_MAX / 4) fail(Fault::argument, "a surface must have triangles, not too many");
     for (int32_t v : surface.faces)
@@ -249,6 +250,7 @@ ClosestPoints::ClosestPoints(Surface surface, Budget& budget)
         Array<Keyed> keys(budget);
         sort_faces(surface, keys, budget);
         order_.resize(faces);
+        block_of_face_.resize(faces);
         for (size_t i = 0; i < faces; i++) order_[i] = keys[i].place;
         builder.halves.reserve(faces);
         halve(keys, builder.halves, budget);

@@ -1,4 +1,5 @@
 #include "surface/distance.hpp"
+
 #include "surface/samples.hpp"
 
 #include <algorithm>
@@ -59,12 +60,14 @@ void sampled(const ClosestPoints& tree, size_t count, uint64_t seed, Array<Vecto
 
 DistanceMeter::DistanceMeter(Surface original, const DistanceOptions& options, Budget& budget)
     : options_(options), budget_(budget), vertices_(budget), faces_(budget), samples_(budget), used_(budget),
-      tree_([&] {
-          Frame frame = frame_of(original.vertices);
-          centre_ = frame.centre, scale_ = frame.scale;
-          place(original, frame, vertices_);
-          return Surface{vertices_.span(), faces_of(original, faces_)};
-      }(), budget) {
+      tree_(
+          [&] {
+              Frame frame = frame_of(original.vertices);
+              centre_ = frame.centre, scale_ = frame.scale;
+              place(original, frame, vertices_);
+              return Surface{vertices_.span(), faces_of(original, faces_)};
+          }(),
+          budget) {
     if (options.samples == 0 || options.vertex_limit == 0)
         fail(Fault::argument, "a distance needs samples and vertices");
     sampled(tree_, options.samples, options.seed, samples_, budget);

@@ -35,7 +35,7 @@ private:
     Vector centre_;
     double scale_ = 1.0;
     Array<Vector> vertices_; // about the origin, with the diagonal as the unit
-    Array<int32_t> faces_; // only if the original has none: one for each vertex
+    Array<int32_t> faces_;   // only if the original has none: one for each vertex
     Array<Vector> samples_, used_;
     ClosestPoints tree_;
 };

@@ -1,4 +1,5 @@
 #include "surface/previews.hpp"
+
 #include "surface/logarithms.hpp"
 #include "surface/samples.hpp"
 #include "surface/sorting.hpp"
@@ -58,17 +59,20 @@ int grid_bits(double distance, int bits) {
 // A mesh whose previews are asked for, as a surface, and what of it all of them need.
 struct Original {
     Original(const GridMesh& mesh_, Budget& budget_)
-        : mesh(mesh_), budget(budget_), faces(budget_), points(budget_), tree([&] {
-              for (size_t t = 0; t + 2 < mesh.faces.size(); t += 3) {
-                  int32_t a = mesh.faces[t], b = mesh.faces[t + 1], c = mesh.faces[t + 2];
-                  if (a == b || b == c || c == a) continue;
-                  faces.push(a), faces.push(b), faces.push(c);
-              }
-              for (size_t i = 0; i < mesh.positions.size(); i += 3)
-                  points.push({static_cast<double>(mesh.positions[i]), static_cast<double>(mesh.positions[i + 1]),
-                               static_cast<double>(mesh.positions[i + 2])});
-              return Surface{points.span(), faces.span()};
-          }(), budget_) {
+        : mesh(mesh_), budget(budget_), faces(budget_), points(budget_),
+          tree(
+              [&] {
+                  for (size_t t = 0; t + 2 < mesh.faces.size(); t += 3) {
+                      int32_t a = mesh.faces[t], b = mesh.faces[t + 1], c = mesh.faces[t + 2];
+                      if (a == b || b == c || c == a) continue;
+                      faces.push(a), faces.push(b), faces.push(c);
+                  }
+                  for (size_t i = 0; i < mesh.positions.size(); i += 3)
+                      points.push({static_cast<double>(mesh.positions[i]), static_cast<double>(mesh.positions[i + 1]),
+                                   static_cast<double>(mesh.positions[i + 2])});
+                  return Surface{points.span(), faces.span()};
+              }(),
+              budget_) {
         for (size_t i = 0; i < points.size(); i++) {
             uint32_t differing = 0;
             for (size_t k = 0; k < 3 && i > 0; k++)
@@ -266,8 +270,8 @@ private:
         double rounding =
             (bits > FEW_BITS ? ROUNDING : COARSE_ROUNDING) * grid_steps(original_.mesh.bits) / grid_steps(bits);
         double least = LEAST_SHARE * distance;
-        double wanted = natural_logarithm(
-            std::sqrt(std::max(distance * distance - rounding * rounding, least * least)));
+        double wanted =
+            natural_logarithm(std::sqrt(std::max(distance * distance - rounding * rounding, least * least)));
         struct Known {
             double apart, distance, ratio;
         };
@@ -280,8 +284,7 @@ private:
         auto count_if = [&](auto condition) {
             return static_cast<size_t>(std::count_if(meshes_.begin(), meshes_.end(), condition));
         };
-        if (known.empty())
-            return count_if([](const Candidate& one) { return one.mesh.vertices.size() < FIRST_GUESS; });
+        if (known.empty()) return count_if([](const Candidate& one) { return one.mesh.vertices.size() < FIRST_GUESS; });
         std::sort(known.begin(), known.end(), [](const Known& a, const Known& b) {
             return a.apart != b.apart ? a.apart < b.apart : a.distance < b.distance;
         });
@@ -321,8 +324,7 @@ private:
                           step);
         ClosestPoints tree({vertices.span(), preview.faces.span()}, original_.budget);
         original_.sampled(tree, SAMPLES, SEED + 1, points);
-        return std::sqrt(
-            std::max(tree.spread(samples_.span()).mean, original_.tree.spread(points.span()).mean));
+        return std::sqrt(std::max(tree.spread(samples_.span()).mean, original_.tree.spread(points.span()).mean));
     }
 
     const Original& original_;

@@ -1,4 +1,5 @@
 #include "surface/refit.hpp"
+
 #include "surface/samples.hpp"
 
 #include <algorithm>
@@ -8,8 +9,8 @@ namespace meshtide::inline MESHTIDE_ISA {
 namespace {
 
 constexpr size_t ROUNDS = 3;
-constexpr size_t ROUNDING_ROUNDS = 2;  // projections while vertices move on the grid
-constexpr size_t ROUNDING_PASSES = 20; // over all vertices, after each projection; most end earlier
+constexpr size_t ROUNDING_ROUNDS = 2;     // projections while vertices move on the grid
+constexpr size_t ROUNDING_PASSES = 20;    // over all vertices, after each projection; most end earlier
 constexpr size_t SAMPLES_PER_VERTEX = 12; // of either surface; more of them make it no closer
 constexpr size_t FEWEST_SAMPLES = 2000;
 constexpr double STIFFNESS = 0.005; // of the spring that holds a vertex, for each sample that falls to it
@@ -28,8 +29,8 @@ double dot_all(Span<const Vector> a, Span<const Vector> b) {
 } // namespace
 
 Refitter::Refitter(const ClosestPoints& original, Span<const int32_t> faces, size_t vertices, Budget& budget)
-    : original_(original), faces_(faces), budget_(budget), samples_(budget), feet_(budget), own_(budget),
-      back_(budget), planes_(budget), gradient_(budget), starts_(budget), corners_(budget) {
+    : original_(original), faces_(faces), budget_(budget), samples_(budget), feet_(budget), own_(budget), back_(budget),
+      planes_(budget), gradient_(budget), starts_(budget), corners_(budget) {
     size_t count = std::max(FEWEST_SAMPLES, SAMPLES_PER_VERTEX * vertices);
     stiffness_ = STIFFNESS * 2.0 * static_cast<double>(count) / static_cast<double>(vertices);
     own_.resize(count);
@@ -227,8 +228,7 @@ size_t Refitter::round_once(Span<const Vector> wanted, double step, int32_t last
             size_t face = corners_[i] / 3, corner = corners_[i] % 3;
             for (size_t k = 0; k < 3; k++) {
                 auto other = static_cast<size_t>(faces_[3 * face + k]);
-                gradient_[other] =
-                    gradient_[other] + planes_[face].blocks[FacePlanes::block(corner, k)] * move;
+                gradient_[other] = gradient_[other] + planes_[face].blocks[FacePlanes::block(corner, k)] * move;
             }
         }
     }

@@ -69,7 +69,7 @@ private:
     Array<Foot> own_;       // samples of the mesh, by face and weights
     Array<Foot> back_;      // of those, on the original
     Array<FacePlanes> planes_;
-    Array<Vector> gradient_; // of half the sum of squares, at the vertices of the last projection
+    Array<Vector> gradient_;           // of half the sum of squares, at the vertices of the last projection
     Array<uint32_t> starts_, corners_; // of each vertex: its corners, 3 face + corner
 };
 

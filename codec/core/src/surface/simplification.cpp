@@ -1,4 +1,5 @@
 #include "surface/simplification.hpp"
+
 #include "surface/sorting.hpp"
 
 #include <algorithm>
@@ -12,7 +13,7 @@ constexpr size_t CLUSTERS_PER_VERTEX = 10; // before the first collapse, for eac
 constexpr size_t FEWEST_CLUSTERS = 3000;   // it is quick from there, and details of small meshes are not lost
 constexpr size_t HEAP_PER_EDGE = 2;        // entries, outdated ones included: current ones never exceed the edges
 
-constexpr double BORDER_WEIGHT = 0.5; // of a plane across a border edge, times the edge's squared length
+constexpr double BORDER_WEIGHT = 0.5;  // of a plane across a border edge, times the edge's squared length
 constexpr double SETTLING_PULL = 1e-2; // weight of the squared distance to a cluster's middle, against that of planes
 constexpr double LEAST_PULL = 1e-30;   // for vertices whose faces have no area
 constexpr double PULL = 1e-3;          // weight of the squared distances to the collapsed ends
@@ -222,8 +223,7 @@ bool Simplifier::turns(int32_t moved, int32_t merged, Vector to) {
         Vector pb = at(b).position, pc = at(c).position;
         Vector before = cross(pb - from, pc - from), after = cross(pb - to, pc - to);
         double product = dot(before, after);
-        if (product < 0.0 || product * product < TURNED * TURNED * dot(before, before) * dot(after, after))
-            return true;
+        if (product < 0.0 || product * product < TURNED * TURNED * dot(before, before) * dot(after, after)) return true;
     }
     return false;
 }

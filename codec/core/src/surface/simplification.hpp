@@ -62,11 +62,11 @@ private:
     Budget& budget_;
     Array<Vertex> vertices_;
     Array<int32_t> faces_;
-    Array<uint8_t> alive_;            // of each face
-    Array<int32_t> first_, last_;     // of each vertex: its list of corners, 3 face + corner
-    Array<int32_t> following_;        // of each corner in such a list
-    Array<uint32_t> versions_;        // of each vertex: how often it was moved; GONE if it is not in use any more
-    Array<uint32_t> marks_;           // of each vertex
+    Array<uint8_t> alive_;        // of each face
+    Array<int32_t> first_, last_; // of each vertex: its list of corners, 3 face + corner
+    Array<int32_t> following_;    // of each corner in such a list
+    Array<uint32_t> versions_;    // of each vertex: how often it was moved; GONE if it is not in use any more
+    Array<uint32_t> marks_;       // of each vertex
     Array<Entry> heap_;
     size_t heap_room_ = 0;
     size_t live_ = 0;

@@ -17,9 +17,8 @@ inline void sort_keyed(Array<Keyed>& items, int bits, Budget& budget) {
     constexpr int DIGIT = 11;
     constexpr size_t FEW = 1500;
     if (items.size() < FEW) {
-        std::sort(items.begin(), items.end(), [](const Keyed& a, const Keyed& b) {
-            return a.key != b.key ? a.key < b.key : a.place < b.place;
-        });
+        std::sort(items.begin(), items.end(),
+                  [](const Keyed& a, const Keyed& b) { return a.key != b.key ? a.key < b.key : a.place < b.place; });
         return;
     }
     Array<Keyed> sorted(budget);
