@@ -71,37 +71,38 @@ template <Effort effort>
 struct Bench {
     using Model = DiffModel<effort>;
     using Shape = DiffShape<effort>;
-    static constexpr size_t WEIGHTS = Shape::neuron_count * Model::DiffMixer::lanes;
-    static constexpr size_t FINAL_WEIGHTS = Shape::final_neuron_count * 8;
+    Budget model_budget{PLENTY};
+    Model trained{model_budget};
 
-    std::vector<uint8_t> contexts = std::vector<uint8_t>(Shape::context_count);
-    std::vector<int8_t> weights = std::vector<int8_t>(WEIGHTS);
-    std::vector<int8_t> final_weights = std::vector<int8_t>(FINAL_WEIGHTS, 64 / Shape::neurons);
-    DiffTraining training() const {
-        return {{contexts.data(), contexts.size()},
-                {weights.data(), weights.size()},
-                {final_weights.data(), final_weights.size()}};
-    }
-    Bench() {
-        for (size_t i = 0; i < WEIGHTS; i++) {
-            size_t lane = i % static_cast<size_t>(Model::DiffMixer::lanes);
-            if (lane < static_cast<size_t>(Model::DiffMixer::lanes) - 8 && (lane & 8) == 0) weights[i] = 1;
-        }
-    }
     void read(const std::string& path) {
+        std::vector<uint8_t> bytes(1 << 20);
         FILE* file = std::fopen(path.c_str(), "rb");
-        bool whole = file != nullptr && std::fread(contexts.data(), 1, contexts.size(), file) == contexts.size() &&
-                     std::fread(weights.data(), 1, WEIGHTS, file) == WEIGHTS &&
-                     std::fread(final_weights.data(), 1, FINAL_WEIGHTS, file) == FINAL_WEIGHTS;
-        if (file != nullptr) std::fclose(file);
-        if (!whole) std::fprintf(stderr, "no states in %s, which has other sizes or is missing\n", path.c_str());
-    }
-    void write(const std::string& path) const {
-        FILE* file = std::fopen(path.c_str(), "wb");
-        std::fwrite(contexts.data(), 1, contexts.size(), file);
-        std::fwrite(weights.data(), 1, WEIGHTS, file);
-        std::fwrite(final_weights.data(), 1, FINAL_WEIGHTS, file);
+        if (file == nullptr) {
+            std::fprintf(stderr, "no states in %s\n", path.c_str());
+            return;
+        }
+        bytes.resize(std::fread(bytes.data(), 1, bytes.size(), file));
         std::fclose(file);
+        RangeDecoder coder({bytes.data(), bytes.size()});
+        StatesModel states(model_budget);
+        trained.code_states(coder, states);
+        coder.finish();
+    }
+    void write(const std::string& path) {
+        Array<uint8_t> bytes(model_budget);
+        RangeEncoder coder(bytes);
+        StatesModel states(model_budget);
+        trained.code_states(coder, states);
+        coder.finish();
+        std::fprintf(stderr, "%zu bytes of states\n", bytes.size());
+        FILE* file = std::fopen(path.c_str(), "wb");
+        std::fwrite(bytes.begin(), 1, bytes.size(), file);
+        std::fclose(file);
+    }
+    Model start() {
+        Model model(model_budget);
+        model.copy(trained);
+        return model;
     }
 
     static Packets encode(const Mesh& mesh, SliceRange range, Model& model) {
@@ -175,19 +176,19 @@ struct Bench {
     // Training, round by round: each mesh is coded from the same states, and these become the mean of what the meshes
     // have left, each context by its visits.
     void train(const std::vector<std::unique_ptr<Mesh>>& meshes, int rounds) {
-        std::vector<double> probability(contexts.size(), 0.5), certainty(contexts.size(), 0);
-        std::vector<double> fine(weights.begin(), weights.end()), final_fine(final_weights.begin(), final_weights.end());
-        for (double& w : fine) w *= WEIGHT_ONE / 16;
-        for (double& w : final_fine) w *= WEIGHT_ONE / 64;
-        Budget budget(PLENTY);
+        size_t count = trained.contexts.size();
+        std::vector<double> probability(count, 0.5), certainty(count, 0);
+        std::vector<double> fine(trained.weights.begin(), trained.weights.end());
+        std::vector<double> final_fine(trained.final_weights.begin(), trained.final_weights.end());
+        const size_t WEIGHTS = fine.size(), FINAL_WEIGHTS = final_fine.size();
         for (int round = 0; round < rounds; round++) {
             size_t bytes = 0;
-            std::vector<double> visits(contexts.size()), sums(contexts.size()), squares(contexts.size());
+            std::vector<double> visits(count), sums(count), squares(count);
             std::vector<double> weight_sums(WEIGHTS), weight_counts(WEIGHTS), final_sums(FINAL_WEIGHTS),
                 final_counts(FINAL_WEIGHTS);
             for (const auto& mesh : meshes) {
-                Model model(budget, training());
-                for (size_t i = 0; i < contexts.size(); i++) {
+                Model model(model_budget);
+                for (size_t i = 0; i < count; i++) {
                     double p = std::clamp(probability[i] * 65536, 64.0, 65472.0);
                     Context fresh;
                     fresh.slow = fresh.fast = static_cast<uint16_t>(p);
@@ -197,7 +198,7 @@ struct Bench {
                 for (size_t i = 0; i < FINAL_WEIGHTS; i++)
                     model.final_weights[i] = static_cast<int16_t>(std::lrint(final_fine[i]));
                 bytes += size_of(encode(*mesh, mesh->ranges(1)[0], model));
-                for (size_t i = 0; i < contexts.size(); i++) {
+                for (size_t i = 0; i < count; i++) {
                     double n = std::clamp(65536.0 / model.contexts[i].slow_rate - 2, 0.0, 200.0);
                     double p = model.contexts[i].slow / 65536.0;
                     if (n < 0.5) n = 0;
@@ -211,7 +212,7 @@ struct Bench {
                     if (model.final_weights[i] != std::lrint(final_fine[i]))
                         final_sums[i] += size * model.final_weights[i], final_counts[i] += size;
             }
-            for (size_t i = 0; i < contexts.size(); i++) {
+            for (size_t i = 0; i < count; i++) {
                 certainty[i] = 0;
                 if (visits[i] == 0) continue;
                 double mean = (sums[i] + 0.5) / (visits[i] + 1), raw = sums[i] / visits[i];
@@ -225,18 +226,15 @@ struct Bench {
                 if (final_counts[i] > 0) final_fine[i] = final_sums[i] / final_counts[i];
             std::fprintf(stderr, "round %d: %zu bytes\n", round, bytes);
         }
-        size_t met = 0;
-        for (size_t i = 0; i < contexts.size(); i++) {
+        for (size_t i = 0; i < count; i++) {
             if (certainty[i] == 0) continue;
-            met++;
-            double odds = std::log(probability[i] / (1 - probability[i]));
-            auto step = static_cast<int>(std::clamp(std::round(odds), -7.0, 7.0));
-            contexts[i] = static_cast<uint8_t>(1 + 2 * (step + 7) + (certainty[i] >= 6 ? 1 : 0));
+            Context& context = trained.contexts[i];
+            context.slow = static_cast<uint16_t>(std::clamp(probability[i] * 65536, 64.0, 65472.0));
+            context.slow_rate = static_cast<uint16_t>(65536 / (2 + std::min(certainty[i], 30.0)));
         }
-        for (size_t i = 0; i < WEIGHTS; i++) weights[i] = static_cast<int8_t>(std::lrint(fine[i] / (WEIGHT_ONE / 16)));
+        for (size_t i = 0; i < WEIGHTS; i++) trained.weights[i] = static_cast<int16_t>(std::lrint(fine[i]));
         for (size_t i = 0; i < FINAL_WEIGHTS; i++)
-            final_weights[i] = static_cast<int8_t>(std::lrint(final_fine[i] / (WEIGHT_ONE / 64)));
-        std::fprintf(stderr, "%zu of %zu contexts met\n", met, contexts.size());
+            trained.final_weights[i] = static_cast<int16_t>(std::lrint(final_fine[i]));
     }
 
     // Damaged payloads end in a failure or in other positions.
@@ -255,8 +253,7 @@ struct Bench {
                 if (!bytes.empty()) bytes[next(bytes.size())] ^= static_cast<uint8_t>(1 << next(8));
                 if (next(8) == 0) bytes.resize(next(bytes.size() + 8));
             }
-            Budget budget(PLENTY);
-            Model model(budget, training());
+            Model model = start();
             try {
                 decode(mesh, ranges[which], model, packets, false, false);
             } catch (const Failure& failure) {
@@ -312,9 +309,8 @@ void run(Arguments arguments) {
         bool good = true;
         double best = 1e9, entering = 0;
         uint32_t sum = 0;
-        Budget budget(PLENTY);
         for (SliceRange range : ranges) {
-            typename Bench<effort>::Model model(budget, bench.training()), other(budget, bench.training());
+            auto model = bench.start(), other = bench.start();
             coded.push_back(Bench<effort>::encode(mesh, range, model));
             bytes += size_of(coded.back());
             for (const Packet& packet : coded.back())
@@ -324,7 +320,7 @@ void run(Arguments arguments) {
         for (int i = 0; i < arguments.runs; i++) {
             double all = 0, enter = 0;
             for (size_t k = 0; k < ranges.size(); k++) {
-                typename Bench<effort>::Model model(budget, bench.training());
+                auto model = bench.start();
                 bench.decode(mesh, ranges[k], model, coded[k], false, false);
                 all += bench.enter_seconds + bench.code_seconds;
                 enter += bench.enter_seconds;

@@ -10,7 +10,7 @@ template <Effort effort, class Coder>
 class DiffPlane {
 public:
     DiffPlane(Coder& coder, int depth, DiffSlice& slice, DiffModel<effort>& model, const DiffTruth& truth)
-        : coder_(coder), depth_(depth), slice_(slice), truth_(truth), mixer_(model.states()),
+        : coder_(coder), depth_(depth), slice_(slice), truth_(truth), mixer_(model.mixer_states()),
           half_(static_cast<float>(1 << (slice.range_.bits - depth))), mirror_(slice, depth, half_),
           surface_errors_(slice.budget()) {}
 

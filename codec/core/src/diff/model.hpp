@@ -3,6 +3,7 @@
 
 #include "base/effort.hpp"
 #include "entropy/mixing.hpp"
+#include "entropy/states.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
@@ -28,48 +29,39 @@ struct DiffShape {
     static constexpr size_t final_neuron_count = 3 * 8;
 };
 
-// What training has left, a byte each.
-struct DiffTraining {
-    Span<const uint8_t> contexts;      // 0: never met; else 1 + 2 * (log-odds + 7), in steps of 1 in -7..7, and 1 more
-                                       // if many meshes agree on it
-    Span<const int8_t> weights;        // 1.0 is 16
-    Span<const int8_t> final_weights;  // 1.0 is 64
-};
-
 template <Effort effort>
 struct DiffModel {
     using Shape = DiffShape<effort>;
     using DiffMixer = Mixer<Shape::groups, Shape::neurons, 4>;
 
-    // As it stands before the first bit plane of a slice.
-    DiffModel(Budget& budget, const DiffTraining& training)
-        : contexts(budget), weights(budget), final_weights(budget) {
+    // As if there had been no training.
+    explicit DiffModel(Budget& budget) : contexts(budget), weights(budget), final_weights(budget) {
+        constexpr auto lanes = static_cast<size_t>(DiffMixer::lanes);
         contexts.assign(Shape::context_count, Context{});
-        weights.resize(Shape::neuron_count * DiffMixer::lanes);
-        final_weights.resize(Shape::final_neuron_count * 8);
-        for (size_t i = 0; i < contexts.size(); i++) {
-            int state = training.contexts[i];
-            if (state == 0) continue;
-            int odds = (state - 1) / 2 - 7;
-            expect(odds <= 7, "a trained state that is none");
-            Context& context = contexts[i];
-            context.slow = context.fast = LOGISTIC.squash[static_cast<size_t>(2048 + 256 * odds)];
-            context.slow_rate = context.fast_rate = (state & 1) != 0 ? UNSURE_RATE : SURE_RATE;
-        }
+        weights.assign(Shape::neuron_count * lanes, 0);
         for (size_t i = 0; i < weights.size(); i++)
-            weights[i] = static_cast<int16_t>(training.weights[i] * (WEIGHT_ONE / 16));
-        for (size_t i = 0; i < final_weights.size(); i++)
-            final_weights[i] = static_cast<int16_t>(training.final_weights[i] * (WEIGHT_ONE / 64));
+            if (i % lanes < lanes - 8 && (i & 8) == 0) weights[i] = WEIGHT_ONE / (6 * Shape::groups); // what is stretched
+        final_weights.assign(Shape::final_neuron_count * 8, WEIGHT_ONE / Shape::neurons);
+    }
+    void copy(const DiffModel& other) {
+        contexts.copy(other.contexts.span());
+        weights.copy(other.weights.span());
+        final_weights.copy(other.final_weights.span());
     }
 
-    MixerStates states() { return {contexts.span(), weights.span(), final_weights.span()}; }
+    // Its trained states.
+    template <class Coder>
+    void code_states(Coder& coder, StatesModel& states) {
+        constexpr uint16_t SETTLED_RATE = 65536 / 16; // as after 14 decisions
+        states.code_contexts(coder, contexts.span(), SETTLED_RATE);
+        states.code_weights(coder, weights.span(), static_cast<size_t>(DiffMixer::lanes), 10);
+        states.code_weights(coder, final_weights.span(), 8, 8);
+    }
+
+    MixerStates mixer_states() { return {contexts.span(), weights.span(), final_weights.span()}; }
 
     Array<Context> contexts;
     Array<int16_t> weights, final_weights;
-
-private:
-    // As if they had seen 1 decision, and 14.
-    static constexpr uint16_t UNSURE_RATE = 65536 / 3, SURE_RATE = 65536 / 16;
 };
 
 } // namespace meshtide::inline MESHTIDE_ISA

@@ -91,8 +91,10 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
     float square = dot3(turn, turn);
     seen.normal = square > 0 ? turn * (1 / __builtin_sqrtf(square)) : splat(0);
     seen.plane = seen.smoothed + seen.normal * dot3(seen.far_mean - seen.smoothed, seen.normal);
-    F32x4 n = magnitude(seen.normal);
-    seen.rank = -((n > __builtin_shufflevector(n, n, 1, 2, 0, 3)) + (n >= __builtin_shufflevector(n, n, 2, 0, 1, 3)));
+    // Floats that are not negative stand in the order of their bits; the last ones tell equals apart.
+    I32x4 order = (reinterpret_cast<I32x4>(magnitude(seen.normal)) & splat32(~3)) | I32x4{0, 1, 2, 3};
+    seen.rank = -((order > __builtin_shufflevector(order, order, 1, 2, 0, 3)) +
+                  (order > __builtin_shufflevector(order, order, 2, 0, 1, 3)));
 
     float error = (laplacians[3] + 0.5f * own.laplacian[3]) / (members + 0.5f);
     seen.error_class = count != 0 ? error_class(error) : ERROR_CLASSES - 1;
