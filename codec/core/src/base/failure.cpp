@@ -8,8 +8,8 @@ extern "C" {
 Failure mt_last_failure = {Fault::none, ""};
 }
 
-void fail(Fault fault, const char* text) {
-    mt_last_failure = {fault, text};
+void fail(const Failure& failure) {
+    mt_last_failure = failure;
     __builtin_trap();
 }
 
@@ -19,7 +19,7 @@ void fail(Fault fault, const char* text) {
 
 namespace meshtide {
 
-void fail(Fault fault, const char* text) { throw Failure{fault, text}; }
+void fail(const Failure& failure) { throw failure; }
 
 } // namespace meshtide
 

@@ -15,20 +15,31 @@ enum class Fault : int32_t {
     limit = 2,     // more than the caller allowed
     memory = 3,    // the system has no memory left
     argument = 4,  // the caller broke the contract of a function
-    internal = 5,  // a bug: an access that its own checks should have excluded
+    version = 5,   // the stream is of another format
+    internal = 6,  // a bug: an access that its own checks should have excluded
 };
 
 struct Failure {
     Fault fault;
-    const char* text; // a literal
+    const char* text;     // a literal
+    int64_t offset = -1;  // byte of the packet or the header, where it is known
+    uint64_t claimed = 0; // of a limit that is exceeded: what is claimed,
+    uint64_t allowed = 0; // and what may be
 };
 
-[[noreturn]] void fail(Fault fault, const char* text);
+[[noreturn]] void fail(const Failure& failure);
+[[noreturn]] inline void fail(Fault fault, const char* text) { fail(Failure{fault, text}); }
 
 // Fails as malformed unless the condition holds.
 inline void expect(bool condition, const char* text) {
     if (!condition) [[unlikely]]
         fail(Fault::malformed, text);
+}
+
+// Fails unless what a stream claims is allowed; the text names the limit.
+inline void expect_at_most(uint64_t claimed, uint64_t allowed, const char* text) {
+    if (claimed > allowed) [[unlikely]]
+        fail(Failure{Fault::limit, text, -1, claimed, allowed});
 }
 
 } // namespace meshtide
