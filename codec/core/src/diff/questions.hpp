@@ -1,221 +1,302 @@
-// What a decision of the Diff is mixed from: contexts, numbers and neurons, for the three axes at once.
+// What a decision of the Diff is mixed from: contexts, numbers and neurons (docs/format.md, Diff).
+//
+// They are made for the three axes at once, one in each lane, and then transposed. Contexts come in groups of four. A
+// context speaks of the direction that its guess points to: it has this guess' sign, and nothing in it depends on the
+// sign otherwise.
 #pragma once
 
+#include "diff/mirror.hpp"
+#include "diff/model.hpp"
 #include "diff/surface.hpp"
-#include "diff/surroundings.hpp"
-#include "entropy/mixing.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-// What the plane of symmetry tells.
-struct Reflection {
-    F32x4 offset = {};
-    int state = 0; // 0: no partner; 1..4 with one that is not known, 5..8 with one that is: by its neighbours' verdict
-    int axis = -1;
-};
-
-// a b for integers of at most 15 bits.
+// Integers of at most 15 bits in each lane.
 MESHTIDE_INLINE I32x4 times(I32x4 a, int b) {
     return multiply_pairs(reinterpret_cast<I16x8>(a), reinterpret_cast<I16x8>(splat32(b)));
-}
-MESHTIDE_INLINE I32x4 least(I32x4 a, int b) { // of what is at most 15 bits
-    return reinterpret_cast<I32x4>(least(reinterpret_cast<I16x8>(a), reinterpret_cast<I16x8>(splat32(b))));
 }
 MESHTIDE_INLINE I32x4 least(I32x4 a, I32x4 b) {
     return reinterpret_cast<I32x4>(least(reinterpret_cast<I16x8>(a), reinterpret_cast<I16x8>(b)));
 }
+MESHTIDE_INLINE I32x4 least(I32x4 a, int b) { return least(a, splat32(b)); }
 MESHTIDE_INLINE I32x4 greatest(I32x4 a, I32x4 b) {
     return reinterpret_cast<I32x4>(greatest(reinterpret_cast<I16x8>(a), reinterpret_cast<I16x8>(b)));
 }
 MESHTIDE_INLINE I32x4 choose(I32x4 mask, I32x4 a, I32x4 b) { return (a & mask) | (b & ~mask); }
-MESHTIDE_INLINE I32x4 negative(F32x4 a) { return a < splat(0); }
-// a, negated where the mask is set.
-MESHTIDE_INLINE F32x4 turned(F32x4 a, I32x4 mask) {
+MESHTIDE_INLINE I32x4 is_negative(F32x4 a) { return a < splat(0); }
+MESHTIDE_INLINE F32x4 negated(F32x4 a, I32x4 mask) {
     return reinterpret_cast<F32x4>(reinterpret_cast<I32x4>(a) ^ (mask & splat32(INT32_MIN)));
 }
-// Classes of magnitudes, fine near 0: trunc(k m / (m + half)), below k.
-MESHTIDE_INLINE I32x4 classes(F32x4 a, int k, float half = 1) {
+MESHTIDE_INLINE I32x4 clamped(F32x4 a, float low, float high) {
+    return truncate(greatest(least(a, splat(high)), splat(low)));
+}
+
+// A place in a table, by what it is made of, each with how many values it has; the first one counts most.
+class Places {
+public:
+    MESHTIDE_INLINE Places& add(I32x4 value, int values) {
+        places_ = times(places_, values) + value;
+        return *this;
+    }
+    MESHTIDE_INLINE Places& add(int value, int values) { return add(splat32(value), values); }
+    MESHTIDE_INLINE I32x4 operator+(int offset) const { return places_ + splat32(offset); }
+
+private:
+    I32x4 places_ = {};
+};
+
+// `count` classes of magnitudes, ever wider; half of them below `half`.
+MESHTIDE_INLINE I32x4 magnitude_class(F32x4 a, int count, float half = 1) {
     F32x4 m = magnitude(a);
-    return truncate(least(static_cast<float>(k) * m / (m + half), splat(static_cast<float>(k - 1))));
+    return truncate(least(m * static_cast<float>(count) / (m + half), splat(static_cast<float>(count - 1))));
 }
-// Classes of width 1/2, the middle one around 0, 0 to 2 middle.
-MESHTIDE_INLINE I32x4 half_steps(F32x4 a, int middle) {
-    auto m = static_cast<float>(middle);
-    return truncate(greatest(least(a * 2.0f + (m + 0.5f), splat(2 * m)), splat(0)));
+// 2 reach + 1 classes of half a half cell, the middle one around 0.
+MESHTIDE_INLINE I32x4 step_class(F32x4 a, int reach) {
+    auto r = static_cast<float>(reach);
+    return clamped(a * 2.0f + (r + 0.5f), 0, 2 * r);
 }
-MESHTIDE_INLINE I32x4 numbers(F32x4 a) {
-    return truncate(greatest(least(a * 256.0f, splat(2047)), splat(-2047)));
+// Nine classes, ever wider to both sides of 0.
+MESHTIDE_INLINE I32x4 signed_class(F32x4 a) {
+    I32x4 distance = times(magnitude_class(a, 12), 6) >> 4; // 0 to 4
+    return choose(is_negative(a), splat32(4) - distance, splat32(4) + distance);
 }
+MESHTIDE_INLINE I32x4 number(F32x4 a) { return clamped(a * 256.0f, -2047, 2047); }
+
+// One group of four contexts: a lane for each axis, or, transposed, a vector for each axis with a lane for each context.
+struct Group {
+    I32x4 places[4], signs[4];
+
+    MESHTIDE_INLINE void set(int which, I32x4 sign, I32x4 place) {
+        signs[which] = sign;
+        places[which] = place;
+    }
+};
 MESHTIDE_INLINE void transpose(I32x4* rows) {
-    F32x4 a = reinterpret_cast<F32x4>(rows[0]), b = reinterpret_cast<F32x4>(rows[1]);
-    F32x4 c = reinterpret_cast<F32x4>(rows[2]), d = reinterpret_cast<F32x4>(rows[3]);
+    auto a = reinterpret_cast<F32x4>(rows[0]), b = reinterpret_cast<F32x4>(rows[1]);
+    auto c = reinterpret_cast<F32x4>(rows[2]), d = reinterpret_cast<F32x4>(rows[3]);
     transpose(a, b, c, d);
     rows[0] = reinterpret_cast<I32x4>(a), rows[1] = reinterpret_cast<I32x4>(b);
     rows[2] = reinterpret_cast<I32x4>(c), rows[3] = reinterpret_cast<I32x4>(d);
 }
-
-template <Effort effort>
-struct DiffShape {
-    static constexpr int groups = 2, neurons = 5;
-    static constexpr int context_sizes[8] = {12 * 12 * 2 * 8, 5 * 4 * 3 * 8, 16 * 8 * 4 * 4, 16 * 8 * 4 * 4,
-                                             10 * 8 * 9 * 5,  4 * 4 * 7 * 40 + 8 * 9 * 2, 9 * 16 * 8,  16 * 7 * 7};
-    static constexpr int neuron_sizes[5] = {3 * 8 * 3, 24 * 4, 9 * 9, 64, 16 * 3};
-};
-template <>
-struct DiffShape<Effort::high> {
-    static constexpr int groups = 3, neurons = 8;
-    static constexpr int context_sizes[12] = {12 * 12 * 2 * 8, 5 * 4 * 3 * 8,   16 * 8 * 4 * 4, 16 * 8 * 4 * 4,
-                                              10 * 8 * 9 * 5,  4 * 4 * 7 * 40 + 8 * 9 * 2, 9 * 16 * 8, 12 * 9 * 8 * 8,
-                                              24 * 4 * 24, 16 * 8 * 4 * 4, 5 * 5 * 9 * 4, 16 * 9 * 9};
-    static constexpr int neuron_sizes[8] = {3 * 8 * 3, 24 * 4, 9 * 9, 64, 16 * 3, 24 * 4, 64, 25 * 3};
-};
-
-template <Effort effort>
-struct AxisQuestions {
-    static constexpr int groups = DiffShape<effort>::groups;
-    I32x4 places[4 * groups], signs[4 * groups], numbers[8], neurons[8];
-};
-
-// What effort high sees besides.
-struct FarSight {
-    Surface surface;
-    Expert pairs;
-    I32x4 below, above;
-    F32x4 quadric;
-    int quadric_class;
-};
-
-template <Effort effort>
-MESHTIDE_INLINE void ask(const Surroundings& s, const FarSight& far, const Reflection& mirror, int age,
-                         AxisQuestions<effort>& q) {
-    I32x4 zero = splat32(0), one = splat32(1);
-    F32x4 ring = s.in_ring.offset, midpoint = s.midpoint.offset, across = s.across.offset, plane = s.plane;
-    // plane
-    I32x4 sign = negative(plane);
-    I32x4 alike = (plane * s.far_mean > splat(0)) & one;
-    q.signs[0] = sign;
-    q.places[0] = times(times(times(classes(plane, 12), 12) + classes(s.far_mean, 10, 1.5f), 2) + alike, 8) +
-                  splat32(EC0(s.error_class));
-    // alignment
-    I32x4 below = s.below, above = s.above;
-    sign = (above < below) | ((above == below) & negative(s.smoothed));
-    I32x4 more = greatest(above, below), fewer = least(above, below);
-    alike = (turned(s.smoothed, sign) > splat(0)) & one;
-    q.signs[1] = sign;
-    q.places[1] = times(times(times(least(more, 4), 4) + least(fewer, 3), 3) + least(s.level, 2), 8) +
-                  times(classes(s.smoothed, 4), 2) + alike;
-    // ring, midpoint
-    I32x4 steep = truncate(magnitude(s.normal) * 3.999f);
-    I32x4 known = times(steep, 4) + splat32(s.known_class);
-    I32x4 ring_class = classes(ring, 16);
-    I32x4 ring_sign = negative(ring), midpoint_sign = negative(midpoint), across_sign = negative(across);
-    q.signs[2] = ring_sign;
-    q.places[2] = times(times(ring_class, 8) + splat32(s.in_ring.trust), 16) + known;
-    q.signs[3] = midpoint_sign;
-    q.places[3] = times(times(classes(midpoint, 16), 8) + splat32(s.midpoint.trust), 16) + known;
-    // across
-    sign = across_sign;
-    I32x4 below2 = least(below, 2), above2 = least(above, 2);
-    I32x4 agreeing = choose(sign, below2, above2), opposing = choose(sign, above2, below2);
-    F32x4 ahead = turned(plane, sign);
-    I32x4 ahead_class = truncate(greatest(least(ahead * 2.0f + 2.5f, splat(4)), splat(0)));
-    q.signs[4] = sign;
-    q.places[4] = times(times(times(classes(across, 10), 8) + splat32(s.across.trust), 9) + times(agreeing, 3) + opposing, 5) +
-                  ahead_class;
-    // joint, or mirrored
-    if (mirror.state == 0) {
-        F32x4 guess = s.midpoint.trust != 0 ? midpoint : s.in_ring.trust != 0 ? ring : plane;
-        sign = negative(guess);
-        I32x4 below3 = least(below, 3), above3 = least(above, 3);
-        agreeing = choose(sign, below3, above3), opposing = choose(sign, above3, below3);
-        ahead = turned(plane, sign);
-        q.signs[5] = sign;
-        int trust = s.midpoint.trust < 4 ? s.midpoint.trust : 4;
-        q.places[5] = times(times(times(agreeing, 4) + opposing, 7) + half_steps(ahead, 3), 40) +
-                      times(classes(guess, 8), 5) + splat32(trust);
-    } else {
-        I32x4 distance = truncate(least(magnitude(mirror.offset) * 2.0f + 0.5f, splat(7)));
-        q.signs[5] = negative(mirror.offset);
-        I32x4 on_axis = I32x4{0, 1, 2, 3} == splat32(mirror.axis);
-        q.places[5] = splat32(4 * 4 * 7 * 40) + times(times(distance, 9) + splat32(mirror.state), 2) + (on_axis & one);
-    }
-    // ring and alignment
-    sign = ring_sign;
-    I32x4 al = times(choose(sign, below2, above2), 3) + choose(sign, above2, below2);
-    q.signs[6] = sign;
-    q.places[6] = times(times(al, 16) + ring_class, 8) + splat32(s.in_ring.trust);
-    // all three
-#if SPARE
-    sign = across_sign;
-    q.signs[7] = sign;
-    q.places[7] = times(times(classes(across, 16), 7) + half_steps(turned(ring, sign), 3), 7) + half_steps(turned(midpoint, sign), 3);
-#else
-    q.signs[7] = zero;
-    q.places[7] = zero;
-#endif
-    F32x4 pairs = {}, quadric = {};
-    I32x4 slope = {};
-    if constexpr (effort == Effort::high) {
-        pairs = far.pairs.offset;
-        quadric = far.quadric;
-        slope = truncate(magnitude(far.surface.normal) * 3.999f);
-        I32x4 pairs_sign = negative(pairs), quadric_sign = negative(quadric);
-        auto signed_class = [](F32x4 x) { // 0 to 8, fine around the middle
-            I32x4 steps = times(classes(x, 12), 6) >> 4; // 0 to 4
-            return choose(negative(x), splat32(4) - steps, splat32(4) + steps);
-        };
-        q.signs[7] = pairs_sign;
-        q.places[7] = times(times(times(classes(pairs, 12), 9) + signed_class(turned(ring, pairs_sign)), 8) + splat32(age), 8) + splat32(s.midpoint.trust);
-        q.signs[8] = quadric_sign;
-        q.places[8] = times(times(classes(quadric, 24), 4) + slope, 24) + splat32(far.quadric_class);
-        q.signs[9] = pairs_sign;
-        q.places[9] = times(times(times(classes(pairs, 16), 8) + splat32(far.pairs.trust), 4) + slope, 4) + splat32(s.known_class);
-        I32x4 far_below = far.below, far_above = far.above;
-        sign = (far_above < far_below) | ((far_above == far_below) & quadric_sign);
-        I32x4 nearing = choose(turned(quadric, sign) > splat(0), classes(quadric, 4), zero);
-        I32x4 far_al = times(choose(sign, below2, above2), 3) + choose(sign, above2, below2);
-        q.signs[10] = sign;
-        q.places[10] = times(times(times(least(greatest(far_above, far_below), 4), 5) + least(least(far_above, far_below), 4), 9) + far_al, 4) + nearing;
-        q.signs[11] = across_sign;
-        q.places[11] = times(times(classes(across, 16), 9) + signed_class(turned(quadric, across_sign)), 9) + signed_class(turned(pairs, across_sign));
-    }
-    int place = 0;
-    for (int i = 0; i < 4 * DiffShape<effort>::groups; i++) {
-        q.places[i] = q.places[i] + splat32(place);
-        place += DiffShape<effort>::context_sizes[i];
-    }
-    q.numbers[0] = numbers(plane);
-    q.numbers[1] = numbers(s.far_mean);
-    q.numbers[2] = numbers(s.smoothed);
-    q.numbers[3] = numbers(ring);
-    q.numbers[4] = numbers(midpoint);
-    q.numbers[5] = numbers(across);
-    q.numbers[6] = mirror.state != 0 ? numbers(mirror.offset) : zero;
-    q.numbers[7] = splat32(256);
-    if constexpr (effort == Effort::high) {
-        q.numbers[6] = mirror.state != 0 ? numbers(mirror.offset) : numbers(pairs);
-        q.numbers[7] = numbers(quadric);
-    }
-    // neurons
-    F32x4 n = magnitude(s.normal);
-    I32x4 rank = -((n > __builtin_shufflevector(n, n, 1, 2, 0, 3)) + (n >= __builtin_shufflevector(n, n, 2, 0, 1, 3)));
-    int t = mirror.state == 0 ? 0 : mirror.state >= 7 ? 2 : 1;
-    int valence = s.ring.count < 15 ? s.ring.count : 15;
-    q.neurons[0] = times(times(rank, 8) + splat32(age), 3) + splat32(t);
-    q.neurons[1] = splat32(s.error_class * 4 + s.known_class);
-    q.neurons[2] = splat32(mirror.state * 9) + times(above2, 3) + below2;
-    q.neurons[3] = splat32(s.in_ring.trust * 8 + s.midpoint.trust);
-    q.neurons[4] = splat32(valence * 3) + rank;
-    if constexpr (effort == Effort::high) {
-        q.neurons[5] = splat32(far.quadric_class * 4) + slope;
-        q.neurons[6] = splat32(far.pairs.trust * 8 + s.across.trust);
-        q.neurons[7] = times(times(least(far.below, 4), 5) + least(far.above, 4), 3) + rank;
-    }
-    place = 0;
-    for (int i = 0; i < DiffShape<effort>::neurons; i++) {
-        q.neurons[i] = q.neurons[i] + splat32(place);
-        place += DiffShape<effort>::neuron_sizes[i];
-    }
+MESHTIDE_INLINE Group transposed(Group group) {
+    transpose(group.places);
+    transpose(group.signs);
+    return group;
 }
+
+// Members beside the two coordinates that a bit can choose, as seen from a direction: at most `limit` of those on its
+// side, and of those on the other.
+struct Sides {
+    I32x4 agreeing, opposing;
+    MESHTIDE_INLINE Sides(I32x4 below, I32x4 above, I32x4 sign, int limit) {
+        below = least(below, limit), above = least(above, limit);
+        agreeing = choose(sign, below, above);
+        opposing = choose(sign, above, below);
+    }
+};
+
+// The questions about one owner. What depends on `plane` and `quadric` is made apart: effort high makes it anew for each
+// axis, since the bits of the axes before have moved the vertex.
+template <Effort effort>
+class Asking {
+public:
+    using Shape = DiffShape<effort>;
+    static constexpr bool high = effort == Effort::high;
+
+    MESHTIDE_INLINE Asking(const Surroundings& seen, const WideView& wide, const Reflection& reflection,
+                           int mirror_axis, int age)
+        : seen_(seen), wide_(wide), reflection_(reflection), mirror_axis_(mirror_axis), age_(age) {
+        steep_ = truncate(magnitude(seen.normal) * 3.999f);
+        if constexpr (high) slope_ = truncate(magnitude(wide.surface.normal) * 3.999f);
+        set_alignment();
+        set_experts();
+        if constexpr (high) set_pairs();
+        set_numbers();
+        set_neurons();
+    }
+
+    // Contexts 0, 2, 3 and those of the surface, and two of the numbers.
+    MESHTIDE_INLINE void aim(F32x4 plane, F32x4 quadric) {
+        Group group = first_;
+        set_plane(group, plane);
+        set_across(group, plane);
+        if (reflection_.state == 0)
+            set_joint(group, plane);
+        else
+            set_mirrored(group);
+        groups_[0] = transposed(group);
+        numbers_[0] = number(plane);
+        if constexpr (high) {
+            set_surface(plane, quadric);
+            numbers_[7] = number(quadric);
+        }
+        for (int k = 0; k < 8; k++) by_axis_[k] = numbers_[k];
+        transpose(by_axis_);
+        transpose(by_axis_ + 4);
+    }
+
+    MESHTIDE_INLINE void ask(int axis, typename DiffModel<effort>::DiffMixer::Question& question) const {
+        for (int g = 0; g < Shape::groups; g++) {
+            store(question.contexts + 4 * g, groups_[g].places[axis]);
+            question.opposed[g] = pack(groups_[g].signs[axis], groups_[g].signs[axis]);
+        }
+        question.numbers = pack(by_axis_[axis], by_axis_[4 + axis]);
+        uint32_t neurons[8];
+        store(neurons, neurons_[axis]);
+        store(neurons + 4, neurons_[4 + axis]);
+        for (int j = 0; j < Shape::neurons; j++) question.neurons[j] = neurons[j];
+        question.final_neuron = static_cast<uint32_t>(seen_.rank[axis] * 8 + age_);
+    }
+
+private:
+    static constexpr int place(int context) { return Shape::first_place(context); }
+
+    MESHTIDE_INLINE void set_plane(Group& group, F32x4 plane) const {
+        I32x4 alike = (plane * seen_.far_mean > splat(0)) & splat32(1);
+        Places places;
+        places.add(magnitude_class(plane, 12), 12).add(magnitude_class(seen_.far_mean, 10, 1.5f), 10).add(alike, 2);
+        group.set(0, is_negative(plane), places.add(seen_.error_class >> 2, 6) + place(0));
+    }
+    // How the members line up with the two coordinates.
+    MESHTIDE_INLINE void set_alignment() {
+        I32x4 below = seen_.below, above = seen_.above;
+        I32x4 sign = (above < below) | ((above == below) & is_negative(seen_.smoothed));
+        I32x4 alike = (negated(seen_.smoothed, sign) > splat(0)) & splat32(1);
+        Places places;
+        places.add(least(greatest(above, below), 4), 5).add(least(least(above, below), 3), 4);
+        places.add(least(seen_.level, 2), 3).add(magnitude_class(seen_.smoothed, 4), 4).add(alike, 2);
+        first_.set(1, sign, places + place(1));
+    }
+    MESHTIDE_INLINE void set_across(Group& group, F32x4 plane) const {
+        F32x4 across = seen_.across.offset;
+        I32x4 sign = is_negative(across), ahead = clamped(negated(plane, sign) * 2.0f + 2.5f, 0, 4);
+        Sides sides(seen_.below, seen_.above, sign, 2);
+        Places places;
+        places.add(magnitude_class(across, 10), 10).add(seen_.across.trust, 8);
+        group.set(2, sign, places.add(sides.agreeing, 3).add(sides.opposing, 3).add(ahead, 5) + place(2));
+    }
+    MESHTIDE_INLINE void set_joint(Group& group, F32x4 plane) const {
+        const Expert &midpoint = seen_.midpoint, &ring = seen_.in_ring;
+        F32x4 guess = midpoint.trust != 0 ? midpoint.offset : ring.trust != 0 ? ring.offset : plane;
+        I32x4 sign = is_negative(guess);
+        Sides sides(seen_.below, seen_.above, sign, 3);
+        Places places;
+        places.add(sides.agreeing, 4).add(sides.opposing, 4).add(step_class(negated(plane, sign), 3), 7);
+        places.add(magnitude_class(guess, 8), 8).add(midpoint.trust < 4 ? midpoint.trust : 4, 5);
+        group.set(3, sign, places + place(3));
+    }
+    MESHTIDE_INLINE void set_mirrored(Group& group) const {
+        F32x4 mirrored = reflection_.offset;
+        I32x4 on_axis = (I32x4{0, 1, 2, 3} == splat32(mirror_axis_)) & splat32(1);
+        Places places;
+        places.add(clamped(magnitude(mirrored) * 2.0f + 0.5f, 0, 7), 8).add(reflection_.state, Reflection::STATES);
+        group.set(3, is_negative(mirrored), places.add(on_axis, 2) + (place(3) + Shape::JOINT_PLACES));
+    }
+
+    MESHTIDE_INLINE void set_experts() {
+        F32x4 ring = seen_.in_ring.offset, midpoint = seen_.midpoint.offset, across = seen_.across.offset;
+        I32x4 ring_sign = is_negative(ring), sign = is_negative(midpoint);
+        Group group;
+        Places alone, with_across;
+        alone.add(magnitude_class(midpoint, 16), 16).add(seen_.midpoint.trust, 8);
+        group.set(0, sign, alone.add(steep_, 4).add(seen_.known_class, 4) + place(4));
+        with_across.add(magnitude_class(midpoint, 12), 12).add(step_class(negated(seen_.across_mean, sign), 4), 9);
+        group.set(1, sign, with_across.add(age_, 8).add(seen_.midpoint.trust, 8) + place(5));
+        Sides sides(seen_.below, seen_.above, ring_sign, 2);
+        Places in_ring;
+        in_ring.add(sides.agreeing, 3).add(sides.opposing, 3);
+        group.set(2, ring_sign, in_ring.add(magnitude_class(ring, 16), 16).add(seen_.in_ring.trust, 8) + place(6));
+        sign = is_negative(across);
+        Places all;
+        all.add(magnitude_class(across, 16), 16);
+        all.add(step_class(negated(ring, sign), 3), 7).add(step_class(negated(midpoint, sign), 3), 7);
+        group.set(3, sign, all + place(7));
+        groups_[1] = transposed(group);
+    }
+
+    MESHTIDE_INLINE void set_surface(F32x4 plane, F32x4 quadric) {
+        I32x4 sign = is_negative(quadric), below = wide_.below, above = wide_.above;
+        Group group;
+        Places alone, with_others;
+        alone.add(magnitude_class(quadric, 24), 24).add(slope_, 4).add(wide_.surface_class, ERROR_CLASSES);
+        group.set(0, sign, alone + place(8));
+        with_others.add(magnitude_class(quadric, 12), 12).add(step_class(negated(plane, sign), 4), 9);
+        with_others.add(step_class(negated(seen_.midpoint.offset, sign), 4), 9).add(slope_, 4);
+        group.set(1, sign, with_others + place(9));
+
+        I32x4 aligned_sign = (above < below) | ((above == below) & sign);
+        I32x4 nearing = (negated(quadric, aligned_sign) > splat(0)) & magnitude_class(quadric, 4);
+        Sides sides(seen_.below, seen_.above, aligned_sign, 2);
+        Places aligned;
+        aligned.add(least(greatest(above, below), 4), 5).add(least(least(above, below), 4), 5);
+        aligned.add(sides.agreeing, 3).add(sides.opposing, 3).add(nearing, 4);
+        group.set(2, aligned_sign, aligned + place(10));
+
+        F32x4 across = seen_.across.offset;
+        sign = is_negative(across);
+        Places with_across;
+        with_across.add(magnitude_class(across, 16), 16);
+        with_across.add(signed_class(negated(quadric, sign)), 9).add(signed_class(negated(wide_.pairs.offset, sign)), 9);
+        group.set(3, sign, with_across + place(11));
+        groups_[2] = transposed(group);
+    }
+    MESHTIDE_INLINE void set_pairs() {
+        F32x4 pairs = wide_.pairs.offset, ring = seen_.in_ring.offset;
+        I32x4 sign = is_negative(pairs), ring_sign = is_negative(ring), far_sign = is_negative(seen_.far_mean);
+        Group group;
+        Places alone, with_ring, in_ring, far;
+        alone.add(magnitude_class(pairs, 16), 16).add(wide_.pairs.trust, 8);
+        group.set(0, sign, alone.add(slope_, 4).add(seen_.known_class, 4) + place(12));
+        with_ring.add(magnitude_class(pairs, 12), 12).add(signed_class(negated(ring, sign)), 9);
+        group.set(1, sign, with_ring.add(age_, 8).add(seen_.midpoint.trust, 8) + place(13));
+        in_ring.add(magnitude_class(ring, 16), 16).add(seen_.in_ring.trust, 8);
+        group.set(2, ring_sign, in_ring.add(steep_, 4).add(seen_.known_class, 4) + place(14));
+        far.add(magnitude_class(seen_.far_mean, 12), 12).add(step_class(negated(seen_.across_mean, far_sign), 4), 9);
+        group.set(3, far_sign, far.add(steep_, 4).add(seen_.known_class, 4) + place(15));
+        groups_[3] = transposed(group);
+    }
+
+    // numbers_[0], and at effort high numbers_[7], are set by aim().
+    MESHTIDE_INLINE void set_numbers() {
+        numbers_[1] = number(seen_.far_mean);
+        numbers_[2] = number(seen_.across_mean);
+        numbers_[3] = number(seen_.across_spread);
+        numbers_[4] = number(seen_.midpoint.offset);
+        numbers_[5] = number(seen_.across.offset);
+        numbers_[6] = number(high && reflection_.state == 0 ? wide_.pairs.offset : reflection_.offset);
+        numbers_[7] = number(seen_.smoothed);
+    }
+
+    MESHTIDE_INLINE void set_neurons() {
+        I32x4 rank = seen_.rank, below = least(seen_.below, 2), above = least(seen_.above, 2);
+        int trust = reflection_.state == 0 ? 0 : reflection_.state >= Reflection::TRUSTED ? 2 : 1;
+        int members = seen_.ring.count < 15 ? seen_.ring.count : 15;
+        Places by_age, by_alignment;
+        neurons_[0] = by_age.add(rank, 3).add(age_, 8).add(trust, 3) + Shape::first_neuron(0);
+        neurons_[1] = splat32(seen_.error_class * 4 + seen_.known_class + Shape::first_neuron(1));
+        neurons_[2] = by_alignment.add(reflection_.state, 9).add(above, 3).add(below, 3) + Shape::first_neuron(2);
+        neurons_[3] = splat32(seen_.in_ring.trust * 8 + seen_.midpoint.trust + Shape::first_neuron(3));
+        neurons_[4] = rank + splat32(members * 3 + Shape::first_neuron(4));
+        neurons_[5] = neurons_[6] = neurons_[7] = splat32(0);
+        if constexpr (high) {
+            Places by_far;
+            by_far.add(least(wide_.below, 4), 5).add(least(wide_.above, 4), 5).add(rank, 3);
+            neurons_[5] = slope_ + splat32(wide_.surface_class * 4 + Shape::first_neuron(5));
+            neurons_[6] = splat32(wide_.pairs.trust * 8 + seen_.across.trust + Shape::first_neuron(6));
+            neurons_[7] = by_far + Shape::first_neuron(7);
+        }
+        transpose(neurons_);
+        transpose(neurons_ + 4);
+    }
+
+    const Surroundings& seen_;
+    const WideView& wide_;
+    const Reflection& reflection_;
+    int mirror_axis_, age_;
+    I32x4 steep_, slope_ = {}; // classes of the normals' components
+    Group first_ = {};         // not transposed, what does not depend on the plane
+    Group groups_[Shape::groups];
+    I32x4 numbers_[8], by_axis_[8], neurons_[8];
+};
 
 } // namespace meshtide::inline MESHTIDE_ISA

@@ -1,5 +1,7 @@
 #include "diff/slice.hpp"
 
+#include <algorithm>
+
 namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
@@ -7,12 +9,12 @@ namespace {
 // The Morton code of the lowest finest step in a vertex' cell.
 uint64_t code_of(const Level& level, size_t vertex, int bits) {
     int side = bits - level.cell_depths[vertex];
-    F32x4 centre = level.centres[vertex];
-    uint32_t cell[3];
-    for (int k = 0; k < 3; k++) cell[k] = static_cast<uint32_t>(centre[k]) >> (side + 1) << side;
+    uint32_t steps[3];
+    for (int k = 0; k < 3; k++)
+        steps[k] = static_cast<uint32_t>(level.centres[vertex][k]) >> (side + 1) << side;
     uint64_t code = 0;
     for (int i = bits - 1; i >= 0; i--)
-        for (int k = 0; k < 3; k++) code = code << 1 | (cell[k] >> i & 1);
+        for (uint32_t step : steps) code = code << 1 | (step >> i & 1);
     return code;
 }
 
@@ -31,117 +33,124 @@ size_t first_not_before(const Level& level, uint64_t code, int bits) {
 } // namespace
 
 DiffSlice::DiffSlice(Budget& budget, SliceRange range, MirrorPlane mirror)
-    : budget_(budget), range_(range), mirror_(mirror), rows_(budget), leaf_depths_(budget), ring_starts_(budget),
-      ring_closed_(budget), neighbours_(budget), partners_(budget), likenesses_(budget), old_rows_(budget),
-      moved_(budget) {}
+    : budget_(budget), range_(range), mirror_(mirror), rows_(budget), leaf_depths_(budget), ring_starts_(budget), neighbours_(budget),
+      closed_(budget), shares_(budget), partners_(budget), likenesses_(budget), old_rows_(budget),
+      old_leaf_depths_(budget), old_partners_(budget), moved_(budget), old_likenesses_(budget) {}
 
 DiffSlice::Run DiffSlice::run_of(const Level& level) const {
     size_t first = range_.first == 0 ? 0 : first_not_before(level, range_.first, range_.bits);
     bool last = range_.end >> (3 * range_.bits) != 0;
-    return {first, last ? level.vertex_count() : first_not_before(level, range_.end, range_.bits)};
+    size_t end = last ? level.vertex_count() : first_not_before(level, range_.end, range_.bits);
+    return {first, std::max(first, end)};
 }
 
 void DiffSlice::enter(const Level& level) {
-    if (level_depth_ >= 0 && level.depth != level_depth_ + 1)
-        fail(Fault::argument, "a slice of Diffs goes from one level to the next");
-    if (level_depth_ >= 0 && known_depth_ != level_depth_)
-        fail(Fault::argument, "a Diff of the level before is missing");
-    Run old = run_;
-    size_t old_count = old.end - old.first;
+    if (level.depth != level_depth_ + 1 || known_depth_ != std::max(level_depth_, 0))
+        fail(Fault::argument, "a slice goes from level to level, when the Diffs of each are known");
     old_rows_.swap(rows_);
+    old_leaf_depths_.swap(leaf_depths_);
+    old_partners_.swap(partners_);
+    old_likenesses_.swap(likenesses_);
+    Run old = run_;
     run_ = run_of(level);
-    size_t count = run_.end - run_.first;
+    size_t count = run_.count();
     rows_.resize(count);
-    if (mirror_.axis >= 0) moved_.assign(old_count, NONE);
-    Array<int32_t> partners(budget_);
-    Array<Likeness> likenesses(budget_);
-    if (mirror_.axis >= 0) {
-        partners.assign(count, NONE);
-        likenesses.assign(count, Likeness::undecided);
+    leaf_depths_.resize(count);
+    if (mirror_.exists()) {
+        partners_.assign(count, NONE);
+        likenesses_.assign(count, Likeness::undecided);
+        moved_.assign(old.count(), NONE);
     }
-    Array<uint8_t> leaf_depths(budget_);
-    leaf_depths.resize(count);
-    auto depth = static_cast<float>(level.depth);
     for (size_t i = 0; i < count; i++) {
         size_t vertex = run_.first + i, parent = level.parents[vertex] - old.first;
-        bool leaf = level.leaves[vertex] != 0;
-        leaf_depths[i] = leaf ? level.cell_depths[vertex] : NO_LEAF;
-        if (parent < old_count && leaf_depths_[parent] != NO_LEAF) {
+        leaf_depths_[i] = level.leaves[vertex] != 0 ? level.cell_depths[vertex] : NO_LEAF;
+        if (parent < old.count() && old_leaf_depths_[parent] != NO_LEAF) { // it was a leaf before
             rows_[i] = old_rows_[parent];
-            if (mirror_.axis >= 0) {
+            if (mirror_.exists()) {
                 moved_[parent] = static_cast<int32_t>(i);
-                partners[i] = partners_[parent]; // still an old row
-                likenesses[i] = likenesses_[parent];
+                partners_[i] = old_partners_[parent]; // for now as it was called there
+                likenesses_[i] = old_likenesses_[parent];
             }
         } else {
             F32x4 position = level.centres[vertex];
-            position[3] = depth;
+            position[3] = static_cast<float>(level.depth);
             rows_[i] = {position, F32x4{0, 0, 0, NEW_ERROR}};
         }
     }
-    for (int32_t& partner : partners)
-        if (partner >= 0) partner = moved_[static_cast<size_t>(partner)];
-    partners_.swap(partners);
-    likenesses_.swap(likenesses);
-    leaf_depths_.swap(leaf_depths);
-    known_depth_ = level_depth_ < 0 ? 0 : known_depth_;
+    for (int32_t& partner : partners_)
+        if (partner != NONE) partner = moved_[static_cast<size_t>(partner)];
     level_depth_ = level.depth;
     gather_rings(level);
 }
 
-// A vertex as a row: its own, or a new one that stands still if it is another slice's.
+// A vertex as a row. Another slice's gets one of its own each time that a ring touches it.
 int32_t DiffSlice::row_of(const Level& level, int32_t vertex) {
     size_t place = static_cast<size_t>(vertex) - run_.first;
-    if (place < run_.end - run_.first) return static_cast<int32_t>(place);
+    if (place < run_.count()) return static_cast<int32_t>(place);
     F32x4 position = level.centres[static_cast<size_t>(vertex)];
-    position[3] = -1;
     rows_.push({position, F32x4{0, 0, 0, FOREIGN_ERROR}});
     return static_cast<int32_t>(rows_.size() - 1);
 }
 
+// The rings, as walk_ring has them, and the Laplacians.
 void DiffSlice::gather_rings(const Level& level) {
-    size_t count = run_.end - run_.first;
+    size_t count = run_.count();
     ring_starts_.resize(count + 1);
-    ring_closed_.resize(count);
+    closed_.resize(count);
+    shares_.resize(count);
     neighbours_.clear();
+    ring_starts_[0] = 0;
     for (size_t i = 0; i < count; i++) {
-        ring_starts_[i] = static_cast<uint32_t>(neighbours_.size());
-        int32_t head = level.heads[run_.first + i], h = head;
-        bool closed = false;
-        int members = 0;
-        while (h >= 0 && members < RING_LIMIT) {
-            int32_t ahead = next_half_edge(h), before = previous_half_edge(h);
-            int32_t back = level.twins[static_cast<size_t>(ahead)];
-            int32_t across = back < 0 ? NONE : level.corners[static_cast<size_t>(previous_half_edge(back))];
-            DiffNeighbour neighbour;
-            neighbour.member = row_of(level, level.corners[static_cast<size_t>(ahead)]);
-            neighbour.across = across < 0 ? NONE : row_of(level, across);
-            neighbours_.push(neighbour);
-            members++;
-            h = level.twins[static_cast<size_t>(before)];
-            if (h < 0) // a border: the last member has no face behind it
-                neighbours_.push({row_of(level, level.corners[static_cast<size_t>(before)]), NONE});
-            else if (h == head) {
-                closed = true;
-                break;
-            }
+        closed_[i] = 0;
+        int32_t head = level.heads[run_.first + i];
+        size_t first = neighbours_.size();
+        if (head >= 0) closed_[i] = gather_ring(level, head);
+        size_t members = neighbours_.size() - first;
+        ring_starts_[i + 1] = static_cast<uint32_t>(neighbours_.size());
+        shares_[i] = members != 0 ? 1 / static_cast<float>(members) : 0;
+        F32x4 sum = splat(0);
+        for (size_t k = first; k < first + members; k++) {
+            auto member = static_cast<size_t>(neighbours_[k].member);
+            sum += rows_[member].position;
         }
-        if (members == RING_LIMIT && !closed && h >= 0) neighbours_.back().across = NONE;
-        ring_closed_[i] = closed;
+        float error = rows_[i].laplacian[3];
+        F32x4 laplacian = members != 0 ? sum * shares_[i] - rows_[i].position : splat(0);
+        laplacian[3] = error;
+        rows_[i].laplacian = laplacian;
     }
-    ring_starts_[count] = static_cast<uint32_t>(neighbours_.size());
+}
+
+bool DiffSlice::gather_ring(const Level& level, int32_t head) {
+    int32_t h = head;
+    for (int members = 0; members < RING_LIMIT; members++) {
+        int32_t ahead = next_half_edge(h), before = previous_half_edge(h);
+        int32_t member = level.corners[static_cast<size_t>(ahead)], back = level.twins[static_cast<size_t>(ahead)];
+        int32_t across = back == NONE ? NONE : level.corners[static_cast<size_t>(previous_half_edge(back))];
+        // One after the other: a row that is new is the last one.
+        int32_t member_row = row_of(level, member), across_row = across == NONE ? NONE : row_of(level, across);
+        neighbours_.push({member_row, across_row});
+        h = level.twins[static_cast<size_t>(before)];
+        if (h == head) return true;
+        if (h == NONE) { // a border: the last member has no face behind it
+            neighbours_.push({row_of(level, level.corners[static_cast<size_t>(before)]), NONE});
+            return false;
+        }
+    }
+    neighbours_.back().across = NONE; // the member after it is left out
+    return false;
 }
 
 void DiffSlice::tell(const Level& level, Span<F32x4> known) const {
     Run run = run_of(level);
-    size_t own = 0, own_count = run_.end - run_.first;
+    size_t row = 0, count = run_.count();
+    int told = std::min(level.depth, known_depth_);
     for (size_t vertex = run.first; vertex < run.end; vertex++) {
         F32x4 middle = level.centres[vertex];
-        middle[3] = level.cell_depths[vertex];
+        middle[3] = static_cast<float>(level.cell_depths[vertex]);
         // Leaves stand in the same order in all levels.
         if (level.leaves[vertex] != 0 && level.cell_depths[vertex] <= known_depth_) {
-            while (own < own_count && leaf_depths_[own] > level.depth) own++;
-            if (own < own_count) middle = rows_[own++].position;
+            while (row < count && leaf_depths_[row] > told) row++;
+            if (row < count) middle = rows_[row++].position;
         }
         known[vertex] = middle;
     }

@@ -13,6 +13,10 @@ namespace meshtide::inline MESHTIDE_ISA {
 struct MirrorPlane {
     int axis = -1; // -1: there is none
     int32_t sum = 0;
+
+    bool exists() const { return axis >= 0; }
+    // What a coordinate along the axis, in half finest steps, and its image add up to.
+    float doubled() const { return static_cast<float>(2 * (static_cast<int64_t>(sum) + 1)); }
 };
 
 // Which vertices: those whose cell's lowest finest step has a Morton code from `first` on, below `end`.
@@ -23,49 +27,53 @@ struct SliceRange {
 
 // One vertex as the slice knows it.
 struct DiffRow {
-    F32x4 position;  // in half finest steps; the fourth lane: up to which depth it is known
-    F32x4 laplacian; // where its neighbours' mean was last seen from it; the fourth lane: how wrong guesses were, in
-                     // half cells
+    F32x4 position;  // in half finest steps; the fourth lane: the depth up to which it is known
+    F32x4 laplacian; // its neighbours' mean, seen from it; the fourth lane: how wrong guesses were, in half cells
 };
 
-// A member of a ring: itself, and the vertex across the edge to the member after it, as rows; NONE without one.
+// A member of a ring, and the vertex across the edge from it to the member after it (NONE without one), as rows.
 struct DiffNeighbour {
     int32_t member, across;
 };
 
+enum class Likeness : uint8_t { undecided, differs, agrees }; // of a vertex and its image
+
 constexpr uint8_t NO_LEAF = 255;
 constexpr float NEW_ERROR = 1.0f;     // of a vertex that has just arisen
 constexpr float FOREIGN_ERROR = 4.0f; // of a vertex of another slice
-constexpr float ERROR_GROWTH = 1.4f;  // from one depth to the next, whose cells are half as large
-
-enum class Likeness : uint8_t { undecided, differs, agrees }; // of a vertex and its image
 
 class DiffSlice {
 public:
     DiffSlice(Budget& budget, SliceRange range, MirrorPlane mirror);
 
-    // Goes on to a level: the first one, or the one after the level that it stands on. Bit planes that are coded after
-    // it are of the level's depth, or of greater ones if all its cells are leaves.
+    // Goes on to a level: that of depth 0 first, then always the one after the level that it stands on, all of whose
+    // bit planes must have been coded.
     void enter(const Level& level);
 
-    // The depth up to which its leaves are known. Whoever wants the bit plane of depth b needs this to be b - 1.
+    Budget& budget() const { return budget_; }
+
+    // The depth up to which its leaves are known. A bit plane can be coded only after the one before it.
     int known_depth() const { return known_depth_; }
 
     // Writes what is known of the slice's vertices into the rows of a level, be it coarser or finer than its own: the
-    // middle of the smallest cell known to hold each, in half finest steps, and this cell's depth in the fourth lane.
+    // middle of the smallest cell that is known to hold each, in half finest steps (2 p + 1 for a vertex whose finest
+    // position p is known), and the depth of this cell in the fourth lane.
     void tell(const Level& level, Span<F32x4> known) const;
 
     // The vertices of a level that are the slice's.
     struct Run {
         size_t first, end;
+        size_t count() const { return end - first; }
     };
     Run run_of(const Level& level) const;
 
 private:
     template <Effort effort, class Coder>
     friend class DiffPlane;
+    friend class DiffMirror;
 
     void gather_rings(const Level& level);
+    bool gather_ring(const Level& level, int32_t head);
     int32_t row_of(const Level& level, int32_t vertex);
 
     Budget& budget_;
@@ -74,15 +82,20 @@ private:
     int level_depth_ = -1, known_depth_ = 0;
     Run run_ = {0, 0}; // in the level that it stands on
 
-    Array<DiffRow> rows_;        // one for each vertex of the slice, then those of other slices that rings touch
+    Array<DiffRow> rows_;        // of the slice's vertices, then of those of other slices that its rings touch
     Array<uint8_t> leaf_depths_; // cell depths; NO_LEAF for others
-    Array<uint32_t> ring_starts_;
-    Array<uint8_t> ring_closed_;
+    Array<uint32_t> ring_starts_; // one more than there are vertices
     Array<DiffNeighbour> neighbours_;
-    Array<int32_t> partners_; // rows; with a mirror
+    Array<uint8_t> closed_; // whether the ring is
+    Array<float> shares_;   // 1 / members of the ring
+    // With a mirror.
+    Array<int32_t> partners_; // rows, or NONE
     Array<Likeness> likenesses_;
-    Array<DiffRow> old_rows_; // scratch
-    Array<int32_t> moved_;
+    // What it had at the level before.
+    Array<DiffRow> old_rows_;
+    Array<uint8_t> old_leaf_depths_;
+    Array<int32_t> old_partners_, moved_;
+    Array<Likeness> old_likenesses_;
 };
 
 } // namespace meshtide::inline MESHTIDE_ISA
