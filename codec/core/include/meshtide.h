@@ -19,6 +19,21 @@
 extern "C" {
 #endif
 
+/* ---- The library ---- */
+
+/* The kind of processor that this library was compiled for ("baseline", "avx2"), and the best kind that runs on this
+ * machine. Every kind computes the same bits. A binding loads the baseline library, asks it, and loads the best one. */
+MT_API const char* mt_kind(void);
+MT_API const char* mt_best_kind(void);
+
+/* The digest of the sources that this library was compiled from (CMakeLists.txt); empty in WebAssembly. */
+MT_API const char* mt_sources(void);
+
+/* Codes a made sequence with all the arithmetic that streams rest on, decodes it again and returns a digest of what was
+ * written: MT_SELF_CHECK on every machine where the core works; 0 if the two differ or something failed. */
+#define MT_SELF_CHECK UINT64_C(0x4e951ff4f459af78)
+MT_API uint64_t mt_self_check(void);
+
 /* What kind of failure it is. */
 enum mt_fault {
     MT_OK = 0,

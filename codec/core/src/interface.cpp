@@ -1,9 +1,15 @@
 // The C interface: handles, checks of arguments, and failures as errors.
+#include "base/processor.hpp"
 #include "codec/compact_decoder.hpp"
+#include "self_check.hpp"
 #include "meshtide.h"
 
 #include <cstddef>
 #include <new>
+
+#ifndef MESHTIDE_SOURCES
+#define MESHTIDE_SOURCES ""
+#endif
 
 using namespace meshtide;
 
@@ -169,6 +175,17 @@ void check_mesh(Span<const int32_t> positions, Span<const int32_t> faces, int bi
 }
 
 } // namespace
+
+const char* mt_kind(void) { return KIND; }
+
+const char* mt_best_kind(void) { return best_kind(); }
+
+const char* mt_sources(void) { return MESHTIDE_SOURCES; }
+
+uint64_t mt_self_check(void) {
+    uint64_t digest = 0;
+    return guarded(nullptr, [&] { digest = self_check(); }) == MT_OK ? digest : 0;
+}
 
 int32_t mt_stream_parse(const uint8_t* bytes, uint64_t size, const mt_limits* limits, mt_stream** stream,
                         mt_error* error) {

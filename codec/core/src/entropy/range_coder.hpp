@@ -51,7 +51,7 @@ public:
     }
 
     // How many bytes are certain, for those who want to know what something took.
-    size_t size() const { return out_.size() + waiting_; }
+    size_t size() const { return out_.size() + static_cast<size_t>(waiting_); }
 
 private:
     void shift() {
