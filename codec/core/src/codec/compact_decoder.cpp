@@ -148,11 +148,29 @@ void CompactDecoder::show(uint32_t level, Shown& shown) const {
     known.copy(cells.centres.span());
     for (size_t v = 0; v < known.size(); v++) known[v][3] = cells.cell_depths[v];
     for (size_t slice = 0; slice < slices_.size(); slice++) layers_->slice(slice).tell(cells, known.span());
-    shown.positions.resize(3 * known.size());
-    for (size_t v = 0; v < known.size(); v++)
-        for (size_t k = 0; k < 3; k++)
-            shown.positions[3 * v + k] = 0.5 * (static_cast<double>(known[v][static_cast<int>(k)]) - 1.0);
     canonical_faces(cells, shown.faces, budget_);
+    int depth = depth_of(level) - header_.compact.base_depth;
+    draw_known(known.span(), header_.bits, STRENGTHS[header_.compact.strengths[depth]], shown, budget_);
+}
+
+void draw_known(Span<F32x4> known, int bits, Strength strength, Shown& shown, Budget& budget) {
+    Array<int32_t> half_sides(budget);
+    half_sides.resize(known.size());
+    for (size_t v = 0; v < known.size(); v++) {
+        half_sides[v] = 1 << (bits - static_cast<int>(known[v][3]));
+        known[v][3] = 0;
+    }
+    Rings rings(budget);
+    if (strength.smoothing != 0 || strength.sharpening != 0)
+        order_rings(shown.faces.span(), known.size(), rings, budget);
+    Array<Vector> drawn(budget);
+    draw({known, half_sides.span()}, rings, strength, drawn, budget);
+    shown.positions.resize(3 * known.size());
+    for (size_t v = 0; v < known.size(); v++) {
+        shown.positions[3 * v] = drawn[v].x;
+        shown.positions[3 * v + 1] = drawn[v].y;
+        shown.positions[3 * v + 2] = drawn[v].z;
+    }
 }
 
 // A mesh of its own, in a cube of its own bits: b (b + 1) / 2 + a for b bits and the depth a at which all its cells are

@@ -8,6 +8,7 @@
 
 #include "codec/effort_layers.hpp"
 #include "stream/header.hpp"
+#include "surface/display_filter.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
@@ -81,6 +82,10 @@ private:
     Array<uint8_t> taken_; // 1 for each entry of the packet table that came
     PacketPlace place_;
 };
+
+// Where to draw vertices of which the middles of known cells are given, in half finest steps, their depths in the fourth
+// lanes; by the faces in `shown`. What was known is used up.
+void draw_known(Span<F32x4> known, int bits, Strength strength, Shown& shown, Budget& budget);
 
 // Faces of a level as they are told to others: each rotated so that its least corner comes first, in lexicographic
 // order.

@@ -101,7 +101,7 @@ void code_planes(Coder& coder, const LevelChain& chain, DiffSlice& slice, DiffMo
         if (level.depth == plane) slice.enter(level);
         DiffTruth known{};
         if (truth != nullptr) known = {truth->positions, truth->depths[static_cast<size_t>(level.depth)].first.span()};
-        code_diff<effort>(coder, level, plane, slice, model, known);
+        code_diff<effort>(coder, plane, slice, model, known);
     }
 }
 
