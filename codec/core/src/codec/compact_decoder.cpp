@@ -154,19 +154,25 @@ void CompactDecoder::show(uint32_t level, Shown& shown) const {
 }
 
 void draw_known(Span<F32x4> known, int bits, Strength strength, Shown& shown, Budget& budget) {
+    size_t n = known.size();
+    shown.positions.resize(3 * n);
+    if (strength.smoothing == 0 && strength.sharpening == 0) { // in the middles, at any precision
+        for (size_t v = 0; v < n; v++)
+            for (size_t k = 0; k < 3; k++)
+                shown.positions[3 * v + k] = 0.5 * (static_cast<double>(known[v][static_cast<int>(k)]) - 1.0);
+        return;
+    }
     Array<int32_t> half_sides(budget);
-    half_sides.resize(known.size());
-    for (size_t v = 0; v < known.size(); v++) {
+    half_sides.resize(n);
+    for (size_t v = 0; v < n; v++) {
         half_sides[v] = 1 << (bits - static_cast<int>(known[v][3]));
         known[v][3] = 0;
     }
     Rings rings(budget);
-    if (strength.smoothing != 0 || strength.sharpening != 0)
-        order_rings(shown.faces.span(), known.size(), rings, budget);
+    order_rings(shown.faces.span(), n, rings, budget);
     Array<Vector> drawn(budget);
     draw({known, half_sides.span()}, rings, strength, drawn, budget);
-    shown.positions.resize(3 * known.size());
-    for (size_t v = 0; v < known.size(); v++) {
+    for (size_t v = 0; v < n; v++) {
         shown.positions[3 * v] = drawn[v].x;
         shown.positions[3 * v + 1] = drawn[v].y;
         shown.positions[3 * v + 2] = drawn[v].z;
