@@ -69,13 +69,22 @@ def get_requires_for_build_editable(config_settings: Settings = None) -> list[st
     return [*cmake.get_requires_for_build_editable(config_settings), *([] if compiler() else [ZIG])]
 
 
+def tell_cmake() -> None:
+    """Names the compiler to CMake, in the way that environments do."""
+    found = compiler()
+    os.environ["CXX"] = found or f"{sys.executable} -m ziglang c++"
+    if found is None:  # what CMake tries out would make Zig build its C++ library once more, without optimization
+        known = "-DCMAKE_CXX_COMPILER_WORKS=ON -DCMAKE_CXX_ABI_COMPILED=ON"
+        os.environ["CMAKE_ARGS"] = f"{os.environ.get('CMAKE_ARGS', '')} {known}"
+
+
 def build_wheel(folder: str, config_settings: Settings = None, metadata: str | None = None) -> str:
     """Build a wheel."""
-    os.environ["CXX"] = compiler() or f"{sys.executable} -m ziglang c++"
+    tell_cmake()
     return cmake.build_wheel(folder, config_settings, metadata)
 
 
 def build_editable(folder: str, config_settings: Settings = None, metadata: str | None = None) -> str:
     """Build an editable wheel."""
-    os.environ["CXX"] = compiler() or f"{sys.executable} -m ziglang c++"
+    tell_cmake()
     return cmake.build_editable(folder, config_settings, metadata)

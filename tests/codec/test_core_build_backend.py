@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -78,11 +79,13 @@ def test_a_compiler_that_is_named_is_taken(
 
 def test_the_compiler_is_handed_to_cmake(backend: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
-    build = lambda *_: seen.append(backend.os.environ["CXX"])  # noqa: E731
+    build = lambda *_: seen.append(os.environ["CXX"])  # noqa: E731
     monkeypatch.setattr(backend, "cmake", SimpleNamespace(build_wheel=build, build_editable=build))
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("CXX", "")
+    monkeypatch.setenv("CMAKE_ARGS", "-DA=1")
     backend.build_wheel("wheels")
+    assert os.environ["CMAKE_ARGS"].startswith("-DA=1 -DCMAKE_CXX_")
     monkeypatch.setenv("CXX", "g++-14")
     backend.build_editable("wheels")
     assert seen == [f"{sys.executable} -m ziglang c++", "g++-14"]
