@@ -231,7 +231,7 @@ private:
     const Mix mixer_;
     const bool last_;
     const float step_; // half finest steps in half a coarse cell
-    MapSurroundings around_{};
+    Surroundings around_{};
     MapQuestion<effort> question_;
     size_t needed_ = 0;          // finest vertices that there must be
     uint32_t trust_ = 0;         // in images, 0 .. 4
