@@ -157,8 +157,8 @@ private:
                 facts.faces = byte_of(cell.faces, octant);
                 facts.edges = byte_of(cell.edges, octant);
                 facts.corner = byte_of(survey.contacts.touches[6], octant);
-                facts.touched = byte_of(survey.contacts.cells, octant);
-                facts.inhabited = byte_of(survey.contacts.children, octant);
+                facts.inhabited = std::min(byte_of(survey.contacts.children, octant), 7u); // a ring may say it twice
+                facts.bare = std::min(byte_of(survey.contacts.cells, octant), 7u) - facts.inhabited;
                 facts.answer = image == nullptr ? 0 : 1 + (image->octants >> octant & 1);
                 facts.height = cell.heights[rank];
                 ask<effort>(question_, cell, facts);
@@ -187,8 +187,10 @@ private:
             facts.vote = std::min(facts.votes, 3u);
             facts.leaf_votes = std::min(byte_of(survey.leaf_votes, octant), 7u);
             facts.faces = byte_of(cell.faces, octant);
-            facts.touching_leaves = byte_of(survey.contacts.leaves, octant);
-            facts.touching_inner = byte_of(survey.contacts.children, octant) - facts.touching_leaves;
+            uint32_t touching = byte_of(survey.contacts.children, octant),
+                     leaves = byte_of(survey.contacts.leaves, octant);
+            facts.touching_leaves = std::min(leaves, 7u);
+            facts.touching_inner = std::min(touching - leaves, 7u);
             facts.answer = image == nullptr ? 0 : 1 + (image->leaves >> octant & 1);
             facts.height = cell.heights[rank];
             ask<effort>(question_, cell, facts);

@@ -111,7 +111,7 @@ MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& cell, c
                              static_cast<int16_t>(std::abs(above)),
                              above,
                              number(o.inhabited * 256),
-                             number((o.touched - o.inhabited) * 256),
+                             number(o.bare * 256),
                              number(o.votes * 256),
                              number(c.spacing * 128),
                              number(c.degree * 128)};

@@ -63,7 +63,7 @@ MESHTIDE_INLINE void find_frame(Survey& s, F32x4 turn, F32x4 plane) {
     F32x4 size = magnitude(turn);
     float total = size[0] + size[1] + size[2];
     uint32_t flip = 0;
-    if (total > 0) {
+    if (total > 1e-5f) { // less is what rounding left
         s.oriented = true;
         float inverse = 1.0f / total;
         plane = greatest(least(plane, splat(1)), splat(-1));
