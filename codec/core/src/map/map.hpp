@@ -69,6 +69,8 @@ public:
                                   (made.leaves >> octant & 1) != 0, v});
         }
         coarse.first_children[n] = static_cast<uint32_t>(fine.vertex_count());
+        bool all_leaves = needed_ == fine.vertex_count();
+        expect(!all_leaves || needed_ == options_.vertices, "fewer cells than vertices");
     }
 
 private:
