@@ -127,7 +127,7 @@ void train(std::vector<Mesh>& meshes, MapModel<effort>& model, int rounds) {
             if (without != nullptr) zeros -= (*without)[c][0], ones -= (*without)[c][1];
             float n = zeros + ones, p = (ones + 0.4f) / (n + 0.8f);
             Context& context = model.contexts[c] = Context{};
-            if (n < (effort == Effort::standard ? 16 : 4)) continue;
+            if (n < (effort == Effort::standard ? 16 : 6)) continue;
             p = std::min(std::max(p, 0.002f), 0.998f);
             int step = std::min(31, std::max(0, static_cast<int>(std::floor(std::log(p / (1 - p)) * 2)) + 16));
             context.slow = context.fast = LOGISTIC.squash[static_cast<size_t>(128 * step + 64)];
