@@ -266,10 +266,20 @@ void run(std::vector<Mesh>& meshes, const Arguments& arguments,
         for (uint64_t flips = next() % 8 + 1; flips > 0 && !damaged.empty(); flips--)
             damaged[next() % damaged.size()] ^= static_cast<uint8_t>(1 << next() % 8);
         restart(model);
-        Level level(small);
+        Level level(small), coarse(small);
+        coarse.depth = depth.coarse.depth;
+        coarse.centres.copy(depth.coarse.centres.span());
+        coarse.cell_depths.copy(depth.coarse.cell_depths.span());
+        coarse.leaves.copy(depth.coarse.leaves.span());
+        coarse.corners.copy(depth.coarse.corners.span());
+        if (next() % 4 == 0) // faces that no encoder made
+            for (int32_t& corner : coarse.corners)
+                if (next() % 3 != 0) corner = static_cast<int32_t>(next() % coarse.vertex_count());
+        link(coarse, small);
         try {
             RangeDecoder coder(damaged.span());
-            code_map<effort>(coder, mesh.options, model, depth.coarse, level);
+            code_map<effort>(coder, mesh.options, model, coarse, level);
+            if (level.vertex_count() > mesh.options.vertices) std::abort();
             coder.finish();
         } catch (const Failure& failure) {
             refused++;

@@ -70,15 +70,19 @@ public:
     MESHTIDE_INLINE void find_neighbours(F32x4 centre, const Found& found) const {
         Cell home = cell_of(centre);
         uint64_t hash = hash_of(home[0], home[1], home[2]);
+        const uint64_t* words = filter_.begin(); // filter_shift_ leaves no bit behind its end
+        uint32_t perhaps = 0;
         for (size_t i = 0; i < DIRECTIONS.size(); i++) {
             uint64_t bit = (hash + STEPS[i]) >> filter_shift_;
-            if ((filter_[bit >> 6] >> (bit & 63) & 1) == 0) continue;
+            perhaps |= static_cast<uint32_t>(words[bit >> 6] >> (bit & 63) & 1) << i;
+        }
+        for (; perhaps != 0; perhaps &= perhaps - 1) {
+            const Direction& direction = DIRECTIONS[static_cast<size_t>(std::countr_zero(perhaps))];
             Cell cell = home;
             for (uint32_t k = 0; k < 3; k++)
-                if ((DIRECTIONS[i].axes >> k & 1) != 0)
-                    cell[k] += (DIRECTIONS[i].positive >> k & 1) != 0 ? 1 : 0xffffffffu;
+                cell[k] += (direction.axes >> k & 1) * (2 * (direction.positive >> k & 1) - 1);
             int32_t w = find(cell);
-            if (w >= 0) found(DIRECTIONS[i], static_cast<size_t>(w));
+            if (w >= 0) found(direction, static_cast<size_t>(w));
         }
     }
 
