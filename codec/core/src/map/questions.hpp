@@ -68,7 +68,7 @@ template <size_t N>
 MESHTIDE_INLINE void put_places(uint32_t* places, const Blocks<N>& blocks, const std::array<uint32_t, N>& indices) {
     for (size_t i = 0; i < N; i++) places[i] = blocks.starts[i] + indices[i];
 }
-// Numbers below 2^11.
+// Inputs of the mixer beside the contexts; below 2^11.
 MESHTIDE_INLINE I16x8 numbers(const std::array<uint32_t, 8>& values) {
     I16x8 vector;
     for (size_t i = 0; i < 8; i++) vector[i] = static_cast<int16_t>(values[i]);
@@ -79,6 +79,7 @@ MESHTIDE_INLINE uint32_t distance_class(const CellFacts& cell, int32_t height) {
     return cell.normal_class == 6 ? 23 : static_cast<uint32_t>(std::min(std::abs(height) >> 4, 22));
 }
 
+// Is the octant occupied?
 template <Effort effort>
 MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, const OctantFacts& o) {
     typedef MapPlaces<effort> Places;
@@ -88,33 +89,34 @@ MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, cons
     const uint32_t height = oriented ? above_lowest >> 6 : 12,
                    fine_height = oriented ? std::min(above_lowest >> 5, 31u) : 32;
     if constexpr (effort == Effort::standard) {
-        put_places(question.contexts, Places::octant_contexts,
-                   {o.path,                                                 //
-                    o.faces * 27 + o.beside,                                //
-                    ((o.rank * 5 + count4) * 7 + c.density) * 6 + c.ratio,  //
-                    ((o.answer * 5 + c.mirror) * 8 + o.rank) * 5 + count4,  //
-                    (o.corner * 64 + o.edges) * 27 + o.beside,              //
-                    ((o.answer * 17 + height) * 5 + count4) * 5 + c.mirror, //
-                    (o.faces * 64 + o.edges) * 5 + count4,                  //
-                    (fine_height * 27 + o.beside) * 4 + o.vote});
+        put_places(
+            question.contexts, Places::octant_contexts,
+            {o.path,                  // the octants before it
+             o.faces * 27 + o.beside, // what lies across its faces, outside and inside of the cell
+             ((o.rank * 5 + count4) * 7 + c.density) * 6 + c.ratio,  // how many children neighbours have
+             ((o.answer * 5 + c.mirror) * 8 + o.rank) * 5 + count4,  // the mirror image
+             (o.corner * 64 + o.edges) * 27 + o.beside,              // what lies across edges and the corner
+             ((o.answer * 17 + height) * 5 + count4) * 5 + c.mirror, // the image, and the height over the surface
+             (o.faces * 64 + o.edges) * 5 + count4,                  // the cells around it
+             (fine_height * 27 + o.beside) * 4 + o.vote});           // the height
         put_places(question.neurons, Places::octant_neurons,
                    {(o.rank * 4 + count3) * 3 + c.trusted,      //
                     (c.normal_class * 4 + o.vote) * 4 + count3, //
                     c.trusted * 4 + o.vote});
     } else {
         put_places(question.contexts, Places::octant_contexts,
-                   {(o.path * 7 + c.normal_class) * 4 + o.vote,            //
-                    o.faces * 27 + o.beside,                               //
-                    (o.path * 7 + c.density) * 6 + c.ratio,                //
-                    ((o.answer * 5 + c.mirror) * 8 + o.rank) * 5 + count4, //
-                    o.edges * 256 + o.path,                                //
-                    (o.faces * 17 + height) * 4 + count3,                  //
-                    (o.faces * 64 + o.edges) * 5 + count4,                 //
-                    (fine_height * 27 + o.beside) * 4 + o.vote,            //
-                    (o.path * 4 + o.corner) * 4 + o.vote,                  //
-                    (o.faces * 64 + o.edges) * 27 + o.beside,              //
-                    (o.corner * 64 + o.edges) * 27 + o.beside,             //
-                    c.recent * 256 + o.path});
+                   {(o.path * 7 + c.normal_class) * 4 + o.vote, // the octants before it, and how the surface leans
+                    o.faces * 27 + o.beside, // what lies across its faces, outside and inside of the cell
+                    (o.path * 7 + c.density) * 6 + c.ratio,                // and how many children neighbours have
+                    ((o.answer * 5 + c.mirror) * 8 + o.rank) * 5 + count4, // the mirror image
+                    o.edges * 256 + o.path,                     // what lies across edges, and the octants before
+                    (o.faces * 17 + height) * 4 + count3,       // what lies across faces, and the height
+                    (o.faces * 64 + o.edges) * 5 + count4,      // the cells around it
+                    (fine_height * 27 + o.beside) * 4 + o.vote, // the height
+                    (o.path * 4 + o.corner) * 4 + o.vote,      // the octants before it, and neighbours in its direction
+                    (o.faces * 64 + o.edges) * 27 + o.beside,  // and the octants
+                    (o.corner * 64 + o.edges) * 27 + o.beside, // what lies across edges and the corner
+                    c.recent * 256 + o.path});                 // how many children cells have had of late
         put_places(question.neurons, Places::octant_neurons,
                    {(o.rank * 4 + count3) * 3 + c.trusted,      //
                     (c.normal_class * 4 + o.vote) * 4 + count3, //
@@ -129,6 +131,7 @@ MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, cons
     question.numbers[2] = static_cast<int16_t>(oriented ? o.height : 0);
 }
 
+// Is the child a leaf?
 template <Effort effort>
 MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, const ChildFacts& l) {
     typedef MapPlaces<effort> Places;
@@ -137,31 +140,33 @@ MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, cons
     const uint32_t touching4 = std::min(l.touching_leaves, 3u) * 4 + std::min(l.touching_inner, 3u);
     const uint32_t touching5 = std::min(l.touching_leaves, 4u) * 5 + std::min(l.touching_inner, 4u);
     if constexpr (effort == Effort::standard) {
-        put_places(question.contexts, Places::child_contexts,
-                   {(touching4 * 17 + c.recent_leaves) * 4 + inner3,              //
-                    l.faces * 16 + place,                                         //
-                    (l.votes * 8 + l.leaf_votes) * 16 + place,                    //
-                    (l.answer * 5 + c.mirror) * 16 + place,                       //
-                    c.degree * 16 + place,                                        //
-                    (touching5 * 36 + c.ratio * 6 + c.coded_ratio) * 4 + leaves3, //
-                    ((l.count * 9 + l.inner) * 9 + l.leaves) * 6 + c.coded_ratio, //
-                    (l.vote * 4 + inner3) * 6 + c.ratio});
+        put_places(
+            question.contexts, Places::child_contexts,
+            {(touching4 * 17 + c.recent_leaves) * 4 + inner3,              // children that touch it, and leaves of late
+             l.faces * 16 + place,                                         // what lies across its faces
+             (l.votes * 8 + l.leaf_votes) * 16 + place,                    // neighbours in its direction
+             (l.answer * 5 + c.mirror) * 16 + place,                       // the mirror image
+             c.degree * 16 + place,                                        // how many neighbours there are
+             (touching5 * 36 + c.ratio * 6 + c.coded_ratio) * 4 + leaves3, // leaves among children and neighbours
+             ((l.count * 9 + l.inner) * 9 + l.leaves) * 6 + c.coded_ratio, // what the cell's children are so far
+             (l.vote * 4 + inner3) * 6 + c.ratio});                        // the share of leaves among the neighbours
         put_places(question.neurons, Places::child_neurons,
                    {l.beside * 4 + l.vote, c.ratio * 4 + c.trusted, l.votes * 8 + l.leaf_votes});
     } else {
-        put_places(question.contexts, Places::child_contexts,
-                   {(touching4 * 17 + c.recent_leaves) * 4 + inner3,                                 //
-                    l.faces * 16 + place,                                                            //
-                    (l.votes * 8 + l.leaf_votes) * 16 + place,                                       //
-                    (l.answer * 5 + c.mirror) * 16 + place,                                          //
-                    (l.octants * 4 + leaves3) * 4 + inner3,                                          //
-                    (touching5 * 36 + c.ratio * 6 + c.coded_ratio) * 4 + leaves3,                    //
-                    ((l.count * 9 + l.inner) * 9 + l.leaves) * 6 + c.coded_ratio,                    //
-                    distance_class(c, l.height) * 16 + place,                                        //
-                    ((l.votes * 8 + l.leaf_votes) * 4 + leaves3) * 36 + c.ratio * 6 + c.coded_ratio, //
-                    ((touching5 * 16 + l.beside) * 4 + l.vote) * 16 + place,                         //
-                    (c.ratio * 6 + c.coded_ratio) * 64 + place * 4 + leaves3,                        //
-                    (c.degree * 16 + c.spacing) * 16 + place});
+        put_places(
+            question.contexts, Places::child_contexts,
+            {(touching4 * 17 + c.recent_leaves) * 4 + inner3,              // children that touch it, and leaves of late
+             l.faces * 16 + place,                                         // what lies across its faces
+             (l.votes * 8 + l.leaf_votes) * 16 + place,                    // neighbours in its direction
+             (l.answer * 5 + c.mirror) * 16 + place,                       // the mirror image
+             (l.octants * 4 + leaves3) * 4 + inner3,                       // the cell's octants
+             (touching5 * 36 + c.ratio * 6 + c.coded_ratio) * 4 + leaves3, // leaves among children and neighbours
+             ((l.count * 9 + l.inner) * 9 + l.leaves) * 6 + c.coded_ratio, // what the cell's children are so far
+             distance_class(c, l.height) * 16 + place,                     // the distance from the surface
+             ((l.votes * 8 + l.leaf_votes) * 4 + leaves3) * 36 + c.ratio * 6 + c.coded_ratio, // leaves around
+             ((touching5 * 16 + l.beside) * 4 + l.vote) * 16 + place,                         // children around
+             (c.ratio * 6 + c.coded_ratio) * 64 + place * 4 + leaves3,                        // shares of leaves
+             (c.degree * 16 + c.spacing) * 16 + place});                                      // how dense the mesh is
         put_places(question.neurons, Places::child_neurons,
                    {l.beside * 4 + l.vote, c.ratio * 4 + c.trusted, c.degree * 4 + leaves3, c.ratio * 6 + c.coded_ratio,
                     c.age * 16 + c.spacing, c.degree * 16 + c.spacing});
