@@ -49,7 +49,7 @@ public:
             Cell cell = cell_of(level.centres[v]);
             table_.put(cell[0], cell[1], cell[2], static_cast<uint32_t>(v));
             uint64_t bit = hash_of(cell[0], cell[1], cell[2]) >> filter_shift_;
-            filter_[bit >> 6] |= static_cast<uint64_t>(1) << (bit & 63);
+            filter_[static_cast<size_t>(bit >> 6)] |= static_cast<uint64_t>(1) << (bit & 63);
         }
     }
 
