@@ -127,7 +127,7 @@ void train(std::vector<Mesh>& meshes, MapModel<effort>& model, int rounds) {
             if (without != nullptr) zeros -= (*without)[c][0], ones -= (*without)[c][1];
             float n = zeros + ones, p = (ones + 0.4f) / (n + 0.8f);
             Context& context = model.contexts[c] = Context{};
-            if (n < (effort == Effort::standard ? 10 : 3)) continue;
+            if (n < (effort == Effort::standard ? 16 : 6)) continue;
             p = std::min(std::max(p, 0.002f), 0.998f);
             int step = std::min(31, std::max(0, static_cast<int>(std::floor(std::log(p / (1 - p)) * 2)) + 16));
             context.slow = context.fast = LOGISTIC.squash[static_cast<size_t>(128 * step + 64)];
@@ -135,10 +135,6 @@ void train(std::vector<Mesh>& meshes, MapModel<effort>& model, int rounds) {
             context.fast_rate = std::max(context.slow_rate, FASTEST_FLOOR);
         }
     };
-    for (size_t i = 0; i < model.weights.size(); i++)
-        model.weights[i] = static_cast<int16_t>(
-            i % Mix::lanes < Mix::lanes - 8 && i % 16 < 4 ? 0.3 * WEIGHT_ONE * 4 / Mix::context_count : 0);
-    // lanes: 16 a group; rows are multiples of 8 long, so the place in a row has to be taken
     for (size_t i = 0; i < model.weights.size(); i++) {
         size_t lane = i % Mix::lanes;
         model.weights[i] = static_cast<int16_t>(
@@ -270,10 +266,20 @@ void run(std::vector<Mesh>& meshes, const Arguments& arguments,
         for (uint64_t flips = next() % 8 + 1; flips > 0 && !damaged.empty(); flips--)
             damaged[next() % damaged.size()] ^= static_cast<uint8_t>(1 << next() % 8);
         restart(model);
-        Level level(small);
+        Level level(small), coarse(small);
+        coarse.depth = depth.coarse.depth;
+        coarse.centres.copy(depth.coarse.centres.span());
+        coarse.cell_depths.copy(depth.coarse.cell_depths.span());
+        coarse.leaves.copy(depth.coarse.leaves.span());
+        coarse.corners.copy(depth.coarse.corners.span());
+        if (next() % 4 == 0) // faces that no encoder made
+            for (int32_t& corner : coarse.corners)
+                if (next() % 3 != 0) corner = static_cast<int32_t>(next() % coarse.vertex_count());
+        link(coarse, small);
         try {
             RangeDecoder coder(damaged.span());
-            code_map<effort>(coder, mesh.options, model, depth.coarse, level);
+            code_map<effort>(coder, mesh.options, model, coarse, level);
+            if (level.vertex_count() > mesh.options.vertices) std::abort();
             coder.finish();
         } catch (const Failure& failure) {
             refused++;

@@ -48,7 +48,7 @@ struct OctantFacts {
     uint32_t beside;               // see above
     uint32_t vote, votes;          // at most 3, at most 7
     uint32_t faces, edges, corner; // touches
-    uint32_t touched, inhabited;   // of seven
+    uint32_t inhabited, bare;      // of seven
     uint32_t answer;               // of the image: 0 none, 1 empty, 2 occupied
     int32_t height;
 };

@@ -45,48 +45,48 @@ public:
         for (int g = 0; g < Mix::context_count / 4; g++) question_.opposed[g] = splat16(0);
     }
 
-    void run(Level& coarse, Level& fine, const MapTruth& truth) {
+    void run(const MapTruth& truth) {
         size_t n = coarse_.vertex_count();
         prepare();
-        fine.depth = coarse_.depth + 1;
-        fine.centres.clear();
-        fine.cell_depths.clear();
-        fine.leaves.clear();
-        fine.parents.clear();
-        coarse.first_children.resize(n + 1);
         for (size_t v = 0; v < n; v++) {
-            coarse.first_children[v] = static_cast<uint32_t>(fine.vertex_count());
-            if (coarse_.leaves[v] != 0) {
-                append(fine, {coarse_.centres[v], coarse_.cell_depths[v], true, v});
-                continue;
-            }
+            if (coarse_.leaves[v] != 0) continue;
             Children wanted;
             if constexpr (Coder::encoding) wanted = {truth.octants[v], truth.leaves[v]};
-            Children made = code_cell(v, wanted);
-            for (uint32_t octant = 0; octant < 8; octant++)
-                if ((made.octants >> octant & 1) != 0)
-                    append(fine, {coarse_.centres[v] + splat(step_) * corner_of(octant), fine.depth,
-                                  (made.leaves >> octant & 1) != 0, v});
+            code_cell(v, wanted);
         }
-        coarse.first_children[n] = static_cast<uint32_t>(fine.vertex_count());
+        bool all_leaves = needed_ == vertices_;
+        expect(!all_leaves || needed_ == options_.vertices, "fewer cells than vertices");
+    }
+
+    // The finer level from what is known of each cell.
+    void unfold(Level& coarse, Level& fine) const {
+        size_t n = coarse_.vertex_count(), w = 0;
+        fine.depth = coarse_.depth + 1;
+        fine.centres.resize(vertices_);
+        fine.cell_depths.resize(vertices_);
+        fine.leaves.resize(vertices_);
+        fine.parents.resize(vertices_);
+        coarse.first_children.resize(n + 1);
+        for (size_t v = 0; v < n; v++) {
+            coarse.first_children[v] = static_cast<uint32_t>(w);
+            bool is_leaf = coarse_.leaves[v] != 0;
+            Children children = room_.notes[v].children();
+            uint32_t left = is_leaf ? 1 : children.octants;
+            for (; left != 0; left &= left - 1, w++) {
+                auto octant = static_cast<uint32_t>(std::countr_zero(left));
+                F32x4 shift = is_leaf ? splat(0) : splat(step_) * middle_of(octant);
+                fine.centres[w] = coarse_.centres[v] + shift;
+                fine.cell_depths[w] = is_leaf ? coarse_.cell_depths[v] : static_cast<uint8_t>(fine.depth);
+                fine.leaves[w] = is_leaf || (children.leaves >> octant & 1) != 0;
+                fine.parents[w] = static_cast<uint32_t>(v);
+            }
+        }
+        coarse.first_children[n] = static_cast<uint32_t>(w);
     }
 
 private:
-    struct NewVertex {
-        F32x4 centre;
-        int cell_depth;
-        bool leaf;
-        size_t parent;
-    };
-    static void append(Level& fine, const NewVertex& vertex) {
-        fine.centres.push(vertex.centre);
-        fine.cell_depths.push(static_cast<uint8_t>(vertex.cell_depth));
-        fine.leaves.push(vertex.leaf);
-        fine.parents.push(static_cast<uint32_t>(vertex.parent));
-    }
-
     // The middle of an octant, in half cells.
-    static F32x4 corner_of(uint32_t octant) {
+    static F32x4 middle_of(uint32_t octant) {
         return F32x4{(octant & 4) != 0 ? 0.5f : -0.5f, (octant & 2) != 0 ? 0.5f : -0.5f,
                      (octant & 1) != 0 ? 0.5f : -0.5f, 0};
     }
@@ -101,13 +101,14 @@ private:
             auto age = static_cast<uint32_t>(coarse_.depth - coarse_.cell_depths[v]);
             room_.notes[v] = leaf ? Note::leaf(age) : Note();
             needed_ += leaf ? 1 : 2;
+            vertices_ += leaf ? 1 : 0;
         }
         expect(needed_ <= options_.vertices, "more cells than vertices");
         if (Shape::all_contacts || options_.mirror.axis >= 0) room_.index.prepare(coarse_, options_.bits);
         around_ = {coarse_.centres.span(), room_.notes.span(), room_.places.span(), room_.bulges.span(), 1.0f / step_};
     }
 
-    Children code_cell(size_t v, const Children& wanted) {
+    void code_cell(size_t v, const Children& wanted) {
         Survey survey;
         Ring ring;
         walk_ring(coarse_, v, ring);
@@ -137,7 +138,6 @@ private:
             bool right = image.octants == made.octants && (last_ || image.leaves == made.leaves);
             trust_ = right ? std::min(trust_ + 1, 4u) : trust_ >> 1;
         }
-        return made;
     }
 
     uint32_t code_octants(const Survey& survey, const CellFacts& cell, const Children* image, uint32_t wanted,
@@ -157,8 +157,8 @@ private:
                 facts.faces = byte_of(cell.faces, octant);
                 facts.edges = byte_of(cell.edges, octant);
                 facts.corner = byte_of(survey.contacts.touches[6], octant);
-                facts.touched = byte_of(survey.contacts.cells, octant);
-                facts.inhabited = byte_of(survey.contacts.children, octant);
+                facts.inhabited = std::min(byte_of(survey.contacts.children, octant), 7u); // a ring may say it twice
+                facts.bare = std::min(byte_of(survey.contacts.cells, octant), 7u) - facts.inhabited;
                 facts.answer = image == nullptr ? 0 : 1 + (image->octants >> octant & 1);
                 facts.height = cell.heights[rank];
                 ask<effort>(question_, cell, facts);
@@ -187,8 +187,10 @@ private:
             facts.vote = std::min(facts.votes, 3u);
             facts.leaf_votes = std::min(byte_of(survey.leaf_votes, octant), 7u);
             facts.faces = byte_of(cell.faces, octant);
-            facts.touching_leaves = byte_of(survey.contacts.leaves, octant);
-            facts.touching_inner = byte_of(survey.contacts.children, octant) - facts.touching_leaves;
+            uint32_t touching = byte_of(survey.contacts.children, octant),
+                     leaves = byte_of(survey.contacts.leaves, octant);
+            facts.touching_leaves = std::min(leaves, 7u);
+            facts.touching_inner = std::min(touching - leaves, 7u);
             facts.answer = image == nullptr ? 0 : 1 + (image->leaves >> octant & 1);
             facts.height = cell.heights[rank];
             ask<effort>(question_, cell, facts);
@@ -204,6 +206,7 @@ private:
         auto count = static_cast<uint32_t>(std::popcount(made.octants));
         auto leaves = static_cast<uint32_t>(std::popcount(made.leaves));
         // At least one finest vertex for each leaf and two for every other cell, instead of this cell's two.
+        vertices_ += count;
         needed_ += 2 * count - leaves - 2;
         expect(needed_ <= options_.vertices, "more cells than vertices");
         recent_ += 8 * count - recent_ / 8;
@@ -233,6 +236,7 @@ private:
     const float step_; // half finest steps in half a coarse cell
     Surroundings around_{};
     MapQuestion<effort> question_;
+    size_t vertices_ = 0;        // of the finer level
     size_t needed_ = 0;          // finest vertices that there must be
     uint32_t trust_ = 0;         // in images, 0 .. 4
     uint32_t recent_ = 96;       // children of the cells coded last, a running mean times 64
@@ -245,7 +249,9 @@ template <Effort effort, class Coder>
 void code_map(Coder& coder, const MapOptions& options, MapModel<effort>& model, Level& coarse, Level& fine,
               const MapTruth& truth = {}) {
     expect(coarse.depth < options.bits, "a map below the finest depth");
-    MapWalk<effort, Coder>(coder, options, model, coarse).run(coarse, fine, truth);
+    MapWalk<effort, Coder> walk(coder, options, model, coarse);
+    walk.run(truth);
+    walk.unfold(coarse, fine);
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA

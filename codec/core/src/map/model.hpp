@@ -36,7 +36,7 @@ struct MapModel {
         states.code_weights(coder, final_weights.span(), 8, WEIGHT_SHIFT);
     }
     static constexpr uint16_t SETTLED_RATE = 65536 / 18;
-    static constexpr int WEIGHT_SHIFT = 10;
+    static constexpr int WEIGHT_SHIFT = effort == Effort::standard ? 11 : 10;
 
     MixerStates states() { return {contexts.span(), weights.span(), final_weights.span()}; }
 

@@ -63,7 +63,7 @@ MESHTIDE_INLINE void find_frame(Survey& s, F32x4 turn, F32x4 plane) {
     F32x4 size = magnitude(turn);
     float total = size[0] + size[1] + size[2];
     uint32_t flip = 0;
-    if (total > 0) {
+    if (total > 1e-5f) { // less is what rounding left
         s.oriented = true;
         float inverse = 1.0f / total;
         plane = greatest(least(plane, splat(1)), splat(-1));
@@ -140,18 +140,9 @@ MESHTIDE_INLINE void take_survey(Survey& s, const Surroundings& around, const Ri
 
 // Neighbours that touch cell v, whether or not they are in its ring.
 inline void find_contacts(Survey& s, const Surroundings& around, const CellIndex& index, size_t v) {
-    Cell home = index.cell_of(around.centres[v]);
-    for (uint32_t axes = 1; axes < 8; axes++) {
-        uint32_t positive = axes;
-        do { // all subsets of the axes
-            Cell cell = home;
-            for (uint32_t k = 0; k < 3; k++)
-                if ((axes >> k & 1) != 0) cell[k] += (positive >> k & 1) != 0 ? 1 : 0xffffffffu;
-            int32_t w = index.find(cell);
-            if (w >= 0) s.contacts.add(axes, positive, around.notes[static_cast<size_t>(w)]);
-            positive = (positive - 1) & axes;
-        } while (positive != axes);
-    }
+    index.find_neighbours(around.centres[v], [&](const Direction& direction, size_t w) {
+        s.contacts.add(direction.axes, direction.positive, around.notes[w]);
+    });
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA
