@@ -73,7 +73,13 @@ private:
     friend class DiffMirror;
 
     void gather_rings(const Level& level);
-    bool gather_ring(const Level& level, int32_t head);
+    struct RingSum {
+        F32x4 sum = {}; // of positions
+        int members = 0;
+        bool closed = false;
+    };
+    template <bool keeping>
+    RingSum gather_ring(const Level& level, size_t vertex);
     int32_t row_of(const Level& level, int32_t vertex);
 
     Budget& budget_;
