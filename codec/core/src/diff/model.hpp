@@ -21,7 +21,9 @@ struct DiffShape {
     };
     static constexpr int neuron_sizes[8] = {3 * 8 * 3, 24 * 4, 9 * 3 * 3, 8 * 8, 16 * 3, 24 * 4, 8 * 8, 5 * 5 * 3};
 
-    static constexpr int sum(const int* sizes, int count) { return count == 0 ? 0 : sizes[0] + sum(sizes + 1, count - 1); }
+    static constexpr int sum(const int* sizes, int count) {
+        return count == 0 ? 0 : sizes[0] + sum(sizes + 1, count - 1);
+    }
     static constexpr int first_place(int context) { return sum(context_sizes, context); }
     static constexpr int first_neuron(int kind) { return sum(neuron_sizes, kind); }
     static constexpr size_t context_count = static_cast<size_t>(sum(context_sizes, contexts));
@@ -40,7 +42,8 @@ struct DiffModel {
         contexts.assign(Shape::context_count, Context{});
         weights.assign(Shape::neuron_count * lanes, 0);
         for (size_t i = 0; i < weights.size(); i++)
-            if (i % lanes < lanes - 8 && (i & 8) == 0) weights[i] = WEIGHT_ONE / (6 * Shape::groups); // what is stretched
+            if (i % lanes < lanes - 8 && (i & 8) == 0)
+                weights[i] = WEIGHT_ONE / (6 * Shape::groups); // what is stretched
         final_weights.assign(Shape::final_neuron_count * 8, WEIGHT_ONE / Shape::neurons);
     }
     void copy(const DiffModel& other) {

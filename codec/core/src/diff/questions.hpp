@@ -62,7 +62,8 @@ MESHTIDE_INLINE I32x4 signed_class(F32x4 a) {
 }
 MESHTIDE_INLINE I32x4 number(F32x4 a) { return clamped(a * 256.0f, -2047, 2047); }
 
-// One group of four contexts: a lane for each axis, or, transposed, a vector for each axis with a lane for each context.
+// One group of four contexts: a lane for each axis, or, transposed, a vector for each axis with a lane for each
+// context.
 struct Group {
     I32x4 places[4], signs[4];
 
@@ -95,8 +96,8 @@ struct Sides {
     }
 };
 
-// The questions about one owner. What depends on `plane` and `quadric` is made apart: effort high makes it anew for each
-// axis, since the bits of the axes before have moved the vertex.
+// The questions about one owner. What depends on `plane` and `quadric` is made apart: effort high makes it anew for
+// each axis, since the bits of the axes before have moved the vertex.
 template <Effort effort>
 class Asking {
 public:
@@ -236,7 +237,8 @@ private:
         sign = is_negative(across);
         Places with_across;
         with_across.add(magnitude_class(across, 16), 16);
-        with_across.add(signed_class(negated(quadric, sign)), 9).add(signed_class(negated(wide_.pairs.offset, sign)), 9);
+        with_across.add(signed_class(negated(quadric, sign)), 9)
+            .add(signed_class(negated(wide_.pairs.offset, sign)), 9);
         group.set(3, sign, with_across + place(11));
         groups_[2] = transposed(group);
     }

@@ -10,8 +10,7 @@ namespace {
 uint64_t code_of(const Level& level, size_t vertex, int bits) {
     int side = bits - level.cell_depths[vertex];
     uint32_t steps[3];
-    for (int k = 0; k < 3; k++)
-        steps[k] = static_cast<uint32_t>(level.centres[vertex][k]) >> (side + 1) << side;
+    for (int k = 0; k < 3; k++) steps[k] = static_cast<uint32_t>(level.centres[vertex][k]) >> (side + 1) << side;
     uint64_t code = 0;
     for (int i = bits - 1; i >= 0; i--)
         for (uint32_t step : steps) code = code << 1 | (step >> i & 1);
@@ -33,8 +32,8 @@ size_t first_not_before(const Level& level, uint64_t code, int bits) {
 } // namespace
 
 DiffSlice::DiffSlice(Budget& budget, SliceRange range, MirrorPlane mirror)
-    : budget_(budget), range_(range), mirror_(mirror), rows_(budget), leaf_depths_(budget), ring_starts_(budget), neighbours_(budget),
-      closed_(budget), shares_(budget), partners_(budget), likenesses_(budget), old_rows_(budget),
+    : budget_(budget), range_(range), mirror_(mirror), rows_(budget), leaf_depths_(budget), ring_starts_(budget),
+      neighbours_(budget), closed_(budget), shares_(budget), partners_(budget), likenesses_(budget), old_rows_(budget),
       old_leaf_depths_(budget), old_partners_(budget), moved_(budget), old_likenesses_(budget) {}
 
 DiffSlice::Run DiffSlice::run_of(const Level& level) const {
@@ -104,7 +103,7 @@ void DiffSlice::gather_rings(const Level& level) {
     for (size_t i = 0; i < count; i++) {
         size_t vertex = run_.first + i;
         RingSum ring = last || leaf_depths_[i] < level.depth ? gather_ring<true>(level, vertex)
-                                                              : gather_ring<false>(level, vertex);
+                                                             : gather_ring<false>(level, vertex);
         ring_starts_[i + 1] = static_cast<uint32_t>(neighbours_.size());
         closed_[i] = ring.closed;
         shares_[i] = ring.members != 0 ? 1 / static_cast<float>(ring.members) : 0;

@@ -88,8 +88,8 @@ private:
     int level_depth_ = -1, known_depth_ = 0;
     Run run_ = {0, 0}; // in the level that it stands on
 
-    Array<DiffRow> rows_;        // of the slice's vertices, then of those of other slices that its rings touch
-    Array<uint8_t> leaf_depths_; // cell depths; NO_LEAF for others
+    Array<DiffRow> rows_;         // of the slice's vertices, then of those of other slices that its rings touch
+    Array<uint8_t> leaf_depths_;  // cell depths; NO_LEAF for others
     Array<uint32_t> ring_starts_; // one more than there are vertices
     Array<DiffNeighbour> neighbours_;
     Array<uint8_t> closed_; // whether the ring is

@@ -17,12 +17,12 @@ struct NoPatch { // for those who do not fit a surface
 
 struct Surroundings {
     Offsets ring;
-    I32x4 below, level, above; // members with an offset of exactly -1, 0, 1
-    F32x4 smoothed;            // the neighbours' mean, filtered and drawn towards the cell's middle
-    F32x4 far_mean;            // the neighbours' mean, filtered
-    F32x4 normal;              // of the ring, of length 1, or 0
-    I32x4 rank;                // 2 for the axis that is nearest to the normal, 0 for the one farthest from it
-    F32x4 plane;               // smoothed, moved along the normal to where far_mean is
+    I32x4 below, level, above;        // members with an offset of exactly -1, 0, 1
+    F32x4 smoothed;                   // the neighbours' mean, filtered and drawn towards the cell's middle
+    F32x4 far_mean;                   // the neighbours' mean, filtered
+    F32x4 normal;                     // of the ring, of length 1, or 0
+    I32x4 rank;                       // 2 for the axis that is nearest to the normal, 0 for the one farthest from it
+    F32x4 plane;                      // smoothed, moved along the normal to where far_mean is
     F32x4 across_mean, across_spread; // means of the vertices across, and of their Laplacians
     Expert in_ring, midpoint, across;
     int error_class, known_class; // how wrong the guesses of the ring were; how much of it is known, 0 to 3
