@@ -22,7 +22,7 @@ constexpr size_t SMALL_PACKET = 64; // bytes below which a bit plane waits for t
 
 struct Mesh {
     explicit Mesh(const std::string& name)
-        : sample(load_sample(FOLDER + name + ".mesh")), budget(PLENTY),
+        : sample(load_sample(name.find('/') == std::string::npos ? FOLDER + name + ".mesh" : name)), budget(PLENTY),
           octree({sample.positions.data(), sample.positions.size()}, {sample.faces.data(), sample.faces.size()},
                  sample.bits, budget) {
         for (int b = 0; b <= sample.bits; b++) {
