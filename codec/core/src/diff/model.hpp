@@ -11,7 +11,7 @@ namespace meshtide::inline MESHTIDE_ISA {
 template <Effort effort>
 struct DiffShape {
     static constexpr bool high = effort == Effort::high;
-    static constexpr int groups = high ? 4 : 2, contexts = 4 * groups, neurons = high ? 8 : 5;
+    static constexpr int groups = high ? 4 : 2, contexts = 4 * groups, neurons = high ? 8 : 4;
     static constexpr int JOINT_PLACES = 4 * 4 * 7 * 8 * 5;
     static constexpr int context_sizes[16] = {
         12 * 10 * 2 * 6, 5 * 4 * 3 * 4 * 2, 10 * 8 * 3 * 3 * 5, JOINT_PLACES + 8 * 9 * 2, // plane, alignment, across
@@ -19,7 +19,10 @@ struct DiffShape {
         24 * 4 * 24,     12 * 9 * 9 * 4,    5 * 5 * 3 * 3 * 4,  16 * 9 * 9,               // surface
         16 * 8 * 4 * 4,  12 * 9 * 8 * 8,    16 * 8 * 4 * 4,     12 * 9 * 4 * 4,           // pairs, ring, far mean
     };
-    static constexpr int neuron_sizes[8] = {3 * 8 * 3, 24 * 4, 9 * 3 * 3, 8 * 8, 16 * 3, 24 * 4, 8 * 8, 5 * 5 * 3};
+    static constexpr int neuron_sizes[8] = {
+        24 * 4,    9 * 3 * 3, 8 * 8, 16 * 3,    // errors, alignment, trust, members
+        3 * 8 * 3, 24 * 4,    8 * 8, 5 * 5 * 3, // age, surface, pairs, alignment with the patch
+    };
 
     static constexpr int sum(const int* sizes, int count) {
         return count == 0 ? 0 : sizes[0] + sum(sizes + 1, count - 1);
