@@ -26,7 +26,7 @@ public:
     void put(uint32_t x, uint32_t y, uint32_t z, uint32_t vertex) {
         uint64_t hash = hash_of(x, y, z);
         for (size_t i = 0; i < PROBES; i++) {
-            Entry& entry = entries_[((hash >> 32) + i) & mask_];
+            Entry& entry = entries_[(home_of(hash) + i) & mask_];
             if (entry.vertex == FREE) {
                 entry = {tag_of(hash), vertex};
                 return;
@@ -39,7 +39,7 @@ public:
     int32_t find(uint32_t x, uint32_t y, uint32_t z) const {
         uint64_t hash = hash_of(x, y, z);
         for (size_t i = 0; i < PROBES; i++) {
-            const Entry& entry = entries_[((hash >> 32) + i) & mask_];
+            const Entry& entry = entries_[(home_of(hash) + i) & mask_];
             if (entry.vertex == FREE) return -1;
             if (entry.tag == tag_of(hash)) return static_cast<int32_t>(entry.vertex);
         }
@@ -59,10 +59,11 @@ private:
         uint64_t hash = (static_cast<uint64_t>(x) << 42 | static_cast<uint64_t>(y) << 21 | z) * 0x9E3779B97F4A7C15u;
         return (hash ^ hash >> 32) * 0xD6E8FEB86659FD93u;
     }
+    static size_t home_of(uint64_t hash) { return static_cast<size_t>(hash >> 32); }
     static uint32_t tag_of(uint64_t hash) { return static_cast<uint32_t>(hash); }
 
     Array<Entry> entries_;
-    uint64_t mask_ = 0;
+    size_t mask_ = 0;
 };
 
 } // namespace meshtide
