@@ -3,7 +3,6 @@
 //   diff [-e standard|high] [-s states] [-l slices] [-r runs] [-z damages] [mesh ...]    default: the twelve
 //   diff -t rounds [-e ...] [-s states] mesh ...                                         trains and writes states
 #include "diff/code_diff.hpp"
-
 #include "layers.hpp"
 
 #include <algorithm>
@@ -15,15 +14,15 @@ using namespace meshtide;
 namespace {
 
 const std::string FOLDER = "/tmp/wt/data/";
-const std::vector<std::string> TWELVE = {"armadillo",  "beetle-alt", "casting",       "fandisk",
-                                         "harley",     "homer",      "horse-quad",    "nefertiti-rgb",
+const std::vector<std::string> TWELVE = {"armadillo",  "beetle-alt", "casting",        "fandisk",
+                                         "harley",     "homer",      "horse-quad",     "nefertiti-rgb",
                                          "rocker-arm", "spot",       "stanford-bunny", "truck"};
 constexpr uint64_t PLENTY = 1ull << 32;
 constexpr size_t SMALL_PACKET = 64; // bytes below which a bit plane waits for the next one
 
 struct Mesh {
     explicit Mesh(const std::string& name)
-        : sample(load_sample(FOLDER + name + ".mesh")), budget(PLENTY),
+        : sample(load_sample(name.find('/') == std::string::npos ? FOLDER + name + ".mesh" : name)), budget(PLENTY),
           octree({sample.positions.data(), sample.positions.size()}, {sample.faces.data(), sample.faces.size()},
                  sample.bits, budget) {
         for (int b = 0; b <= sample.bits; b++) {
@@ -180,6 +179,8 @@ struct Bench {
         std::vector<double> probability(count, 0.5), certainty(count, 0);
         std::vector<double> fine(trained.weights.begin(), trained.weights.end());
         std::vector<double> final_fine(trained.final_weights.begin(), trained.final_weights.end());
+        std::vector<double> visits_of(count);
+        const double least_visits = effort == Effort::high ? 12 : 24; // for what is worth its bytes
         const size_t WEIGHTS = fine.size(), FINAL_WEIGHTS = final_fine.size();
         for (int round = 0; round < rounds; round++) {
             size_t bytes = 0;
@@ -204,13 +205,12 @@ struct Bench {
                     if (n < 0.5) n = 0;
                     visits[i] += n, sums[i] += n * p, squares[i] += n * p * p;
                 }
-                double size = static_cast<double>(mesh->sample.positions.size());
                 for (size_t i = 0; i < WEIGHTS; i++)
                     if (model.weights[i] != std::lrint(fine[i]))
-                        weight_sums[i] += size * model.weights[i], weight_counts[i] += size;
+                        weight_sums[i] += model.weights[i], weight_counts[i] += 1;
                 for (size_t i = 0; i < FINAL_WEIGHTS; i++)
                     if (model.final_weights[i] != std::lrint(final_fine[i]))
-                        final_sums[i] += size * model.final_weights[i], final_counts[i] += size;
+                        final_sums[i] += model.final_weights[i], final_counts[i] += 1;
             }
             for (size_t i = 0; i < count; i++) {
                 certainty[i] = 0;
@@ -224,10 +224,11 @@ struct Bench {
                 if (weight_counts[i] > 0) fine[i] = weight_sums[i] / weight_counts[i];
             for (size_t i = 0; i < FINAL_WEIGHTS; i++)
                 if (final_counts[i] > 0) final_fine[i] = final_sums[i] / final_counts[i];
+            visits_of = visits;
             std::fprintf(stderr, "round %d: %zu bytes\n", round, bytes);
         }
         for (size_t i = 0; i < count; i++) {
-            if (certainty[i] == 0) continue;
+            if (certainty[i] == 0 || visits_of[i] < least_visits) continue;
             Context& context = trained.contexts[i];
             context.slow = static_cast<uint16_t>(std::clamp(probability[i] * 65536, 64.0, 65472.0));
             context.slow_rate = static_cast<uint16_t>(65536 / (2 + std::min(certainty[i], 30.0)));
@@ -353,13 +354,20 @@ int main(int argc, char** argv) {
             continue;
         }
         if (++i == argc) return 2;
-        if (option == "-e") arguments.effort = std::string(argv[i]) == "high" ? Effort::high : Effort::standard;
-        else if (option == "-s") arguments.states = argv[i];
-        else if (option == "-l") arguments.slices = std::atoi(argv[i]);
-        else if (option == "-r") arguments.runs = std::atoi(argv[i]);
-        else if (option == "-z") arguments.damages = std::atoi(argv[i]);
-        else if (option == "-t") arguments.rounds = std::atoi(argv[i]);
-        else return 2;
+        if (option == "-e")
+            arguments.effort = std::string(argv[i]) == "high" ? Effort::high : Effort::standard;
+        else if (option == "-s")
+            arguments.states = argv[i];
+        else if (option == "-l")
+            arguments.slices = std::atoi(argv[i]);
+        else if (option == "-r")
+            arguments.runs = std::atoi(argv[i]);
+        else if (option == "-z")
+            arguments.damages = std::atoi(argv[i]);
+        else if (option == "-t")
+            arguments.rounds = std::atoi(argv[i]);
+        else
+            return 2;
     }
     bool high = arguments.effort == Effort::high;
     if (arguments.states.empty()) arguments.states = high ? "/tmp/diff-high.states" : "/tmp/diff-standard.states";

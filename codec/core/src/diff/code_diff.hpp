@@ -12,7 +12,7 @@ namespace meshtide::inline MESHTIDE_ISA {
 
 // What an encoder knows; a decoder leaves it empty.
 struct DiffTruth {
-    Span<const int32_t> positions;      // three finest coordinates for each finest vertex
+    Span<const int32_t> positions;       // three finest coordinates for each finest vertex
     Span<const uint32_t> first_vertices; // of each cell of the level
 };
 

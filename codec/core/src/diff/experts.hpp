@@ -16,8 +16,7 @@ constexpr int RING_ROOM = RING_LIMIT + 1;
 struct Offsets {
     int count;
     bool closed;
-    F32x4 room[RING_ROOM + 2];    // and of the member before the first, and after the last
-    F32x4 inverted[RING_ROOM];    // with the fourth lane negated, so that it adds up in differences, too
+    F32x4 room[RING_ROOM + 2]; // and of the member before the first, and after the last
     MESHTIDE_INLINE const F32x4& operator[](int i) const { return room[i + 1]; }
 };
 
@@ -29,6 +28,9 @@ MESHTIDE_INLINE void transpose(F32x4& a, F32x4& b, F32x4& c, F32x4& d) {
     c = __builtin_shufflevector(r, s, 0, 1, 4, 5);
     d = __builtin_shufflevector(r, s, 2, 3, 6, 7);
 }
+
+// The fourth lane negated: it adds up in differences, too.
+MESHTIDE_INLINE F32x4 inverted(F32x4 offset) { return offset * F32x4{1, 1, 1, -1}; }
 
 // The sum of each one's lanes, in one vector.
 MESHTIDE_INLINE F32x4 totals(F32x4 a, F32x4 b, F32x4 c, F32x4 d) {
@@ -54,12 +56,13 @@ public:
     MESHTIDE_INLINE void add(F32x4 guess) { list_[count_++] = guess; }
 
     // Their mean: each counts by how near to the cell it lies, and by how many of its vertices are known. Doubt is the
-    // weight's divisor, less `per_known` for each known vertex.
-    MESHTIDE_INLINE Expert conclude(float doubt, float per_known) {
-        if (count_ == 0) return {};
-        for (int i = 0; i < 3; i++) list_[count_ + i] = F32x4{1e6f, 1e6f, 1e6f, 0}; // next to nothing
+    // weight's divisor, less `per_known` for each known vertex. The first and the last `skipped` ones do not count.
+    MESHTIDE_INLINE Expert conclude(float doubt, float per_known, int skipped = 0) {
+        int end = count_ - skipped;
+        if (end <= skipped) return {};
+        for (int i = 0; i < 3; i++) list_[end + i] = F32x4{1e6f, 1e6f, 1e6f, 0}; // next to nothing
         F32x4 sum_x = {}, sum_y = {}, sum_z = {}, weights = {}, nearest = splat(1e9f);
-        for (int i = 0; i < count_; i += 4) {
+        for (int i = skipped; i < end; i += 4) {
             F32x4 x = list_[i], y = list_[i + 1], z = list_[i + 2], known = list_[i + 3];
             transpose(x, y, z, known);
             F32x4 d = distance(x, y, z), k = d + 0.3f;
@@ -93,14 +96,6 @@ private:
     F32x4 list_[ROOM + 3];
     int count_ = 0;
 };
-
-// Parallelograms inside the ring: the member before and the one after, over the one between.
-MESHTIDE_INLINE Expert guess_in_ring(const Offsets& ring) {
-    Guesses<RING_ROOM> guesses;
-    int border = ring.closed ? 0 : 1;
-    for (int i = border; i < ring.count - border; i++) guesses.add(ring[i - 1] + ring[i + 1] - ring.inverted[i]);
-    return guesses.conclude(7, 2);
-}
 
 // Midpoints of opposite members.
 MESHTIDE_INLINE Expert guess_midpoints(const Offsets& ring) {

@@ -62,7 +62,8 @@ MESHTIDE_INLINE I32x4 signed_class(F32x4 a) {
 }
 MESHTIDE_INLINE I32x4 number(F32x4 a) { return clamped(a * 256.0f, -2047, 2047); }
 
-// One group of four contexts: a lane for each axis, or, transposed, a vector for each axis with a lane for each context.
+// One group of four contexts: a lane for each axis, or, transposed, a vector for each axis with a lane for each
+// context.
 struct Group {
     I32x4 places[4], signs[4];
 
@@ -95,8 +96,8 @@ struct Sides {
     }
 };
 
-// The questions about one owner. What depends on `plane` and `quadric` is made apart: effort high makes it anew for each
-// axis, since the bits of the axes before have moved the vertex.
+// The questions about one owner. What depends on `plane` and `quadric` is made apart: effort high makes it anew for
+// each axis, since the bits of the axes before have moved the vertex.
 template <Effort effort>
 class Asking {
 public:
@@ -141,10 +142,7 @@ public:
             question.opposed[g] = pack(groups_[g].signs[axis], groups_[g].signs[axis]);
         }
         question.numbers = pack(by_axis_[axis], by_axis_[4 + axis]);
-        uint32_t neurons[8];
-        store(neurons, neurons_[axis]);
-        store(neurons + 4, neurons_[4 + axis]);
-        for (int j = 0; j < Shape::neurons; j++) question.neurons[j] = neurons[j];
+        for (int j = 0; j < Shape::neurons; j += 4) store(question.neurons + j, neurons_[j + axis]);
         question.final_neuron = static_cast<uint32_t>(seen_.rank[axis] * 8 + age_);
     }
 
@@ -236,7 +234,8 @@ private:
         sign = is_negative(across);
         Places with_across;
         with_across.add(magnitude_class(across, 16), 16);
-        with_across.add(signed_class(negated(quadric, sign)), 9).add(signed_class(negated(wide_.pairs.offset, sign)), 9);
+        with_across.add(signed_class(negated(quadric, sign)), 9)
+            .add(signed_class(negated(wide_.pairs.offset, sign)), 9);
         group.set(3, sign, with_across + place(11));
         groups_[2] = transposed(group);
     }
@@ -269,24 +268,25 @@ private:
 
     MESHTIDE_INLINE void set_neurons() {
         I32x4 rank = seen_.rank, below = least(seen_.below, 2), above = least(seen_.above, 2);
-        int trust = reflection_.state == 0 ? 0 : reflection_.state >= Reflection::TRUSTED ? 2 : 1;
         int members = seen_.ring.count < 15 ? seen_.ring.count : 15;
-        Places by_age, by_alignment;
-        neurons_[0] = by_age.add(rank, 3).add(age_, 8).add(trust, 3) + Shape::first_neuron(0);
-        neurons_[1] = splat32(seen_.error_class * 4 + seen_.known_class + Shape::first_neuron(1));
-        neurons_[2] = by_alignment.add(reflection_.state, 9).add(above, 3).add(below, 3) + Shape::first_neuron(2);
-        neurons_[3] = splat32(seen_.in_ring.trust * 8 + seen_.midpoint.trust + Shape::first_neuron(3));
-        neurons_[4] = rank + splat32(members * 3 + Shape::first_neuron(4));
-        neurons_[5] = neurons_[6] = neurons_[7] = splat32(0);
+        Places by_alignment;
+        by_alignment.add(reflection_.state, Reflection::STATES).add(above, 3).add(below, 3);
+        neurons_[0] = splat32(seen_.error_class * 4 + seen_.known_class + Shape::first_neuron(0));
+        neurons_[1] = by_alignment + Shape::first_neuron(1);
+        neurons_[2] = splat32(seen_.in_ring.trust * 8 + seen_.midpoint.trust + Shape::first_neuron(2));
+        neurons_[3] = rank + splat32(members * 3 + Shape::first_neuron(3));
+        transpose(neurons_);
         if constexpr (high) {
-            Places by_far;
+            int trust = reflection_.state == 0 ? 0 : reflection_.state >= Reflection::TRUSTED ? 2 : 1;
+            Places by_age, by_far;
+            by_age.add(rank, 3).add(age_, 8).add(trust, 3);
             by_far.add(least(wide_.below, 4), 5).add(least(wide_.above, 4), 5).add(rank, 3);
+            neurons_[4] = by_age + Shape::first_neuron(4);
             neurons_[5] = slope_ + splat32(wide_.surface_class * 4 + Shape::first_neuron(5));
             neurons_[6] = splat32(wide_.pairs.trust * 8 + seen_.across.trust + Shape::first_neuron(6));
             neurons_[7] = by_far + Shape::first_neuron(7);
+            transpose(neurons_ + 4);
         }
-        transpose(neurons_);
-        transpose(neurons_ + 4);
     }
 
     const Surroundings& seen_;
@@ -296,7 +296,7 @@ private:
     I32x4 steep_, slope_ = {}; // classes of the normals' components
     Group first_ = {};         // not transposed, what does not depend on the plane
     Group groups_[Shape::groups];
-    I32x4 numbers_[8], by_axis_[8], neurons_[8];
+    I32x4 numbers_[8], by_axis_[8], neurons_[Shape::neurons];
 };
 
 } // namespace meshtide::inline MESHTIDE_ISA

@@ -10,8 +10,7 @@ namespace {
 uint64_t code_of(const Level& level, size_t vertex, int bits) {
     int side = bits - level.cell_depths[vertex];
     uint32_t steps[3];
-    for (int k = 0; k < 3; k++)
-        steps[k] = static_cast<uint32_t>(level.centres[vertex][k]) >> (side + 1) << side;
+    for (int k = 0; k < 3; k++) steps[k] = static_cast<uint32_t>(level.centres[vertex][k]) >> (side + 1) << side;
     uint64_t code = 0;
     for (int i = bits - 1; i >= 0; i--)
         for (uint32_t step : steps) code = code << 1 | (step >> i & 1);
@@ -33,8 +32,8 @@ size_t first_not_before(const Level& level, uint64_t code, int bits) {
 } // namespace
 
 DiffSlice::DiffSlice(Budget& budget, SliceRange range, MirrorPlane mirror)
-    : budget_(budget), range_(range), mirror_(mirror), rows_(budget), leaf_depths_(budget), ring_starts_(budget), neighbours_(budget),
-      closed_(budget), shares_(budget), partners_(budget), likenesses_(budget), old_rows_(budget),
+    : budget_(budget), range_(range), mirror_(mirror), rows_(budget), leaf_depths_(budget), ring_starts_(budget),
+      neighbours_(budget), closed_(budget), shares_(budget), partners_(budget), likenesses_(budget), old_rows_(budget),
       old_leaf_depths_(budget), old_partners_(budget), moved_(budget), old_likenesses_(budget) {}
 
 DiffSlice::Run DiffSlice::run_of(const Level& level) const {
@@ -92,52 +91,59 @@ int32_t DiffSlice::row_of(const Level& level, int32_t vertex) {
     return static_cast<int32_t>(rows_.size() - 1);
 }
 
-// The rings, as walk_ring has them, and the Laplacians.
+// The Laplacians, and the rings of the vertices that have bits to come at this level.
 void DiffSlice::gather_rings(const Level& level) {
     size_t count = run_.count();
+    bool last = std::none_of(leaf_depths_.begin(), leaf_depths_.end(), [](uint8_t depth) { return depth == NO_LEAF; });
     ring_starts_.resize(count + 1);
     closed_.resize(count);
     shares_.resize(count);
     neighbours_.clear();
     ring_starts_[0] = 0;
     for (size_t i = 0; i < count; i++) {
-        closed_[i] = 0;
-        int32_t head = level.heads[run_.first + i];
-        size_t first = neighbours_.size();
-        if (head >= 0) closed_[i] = gather_ring(level, head);
-        size_t members = neighbours_.size() - first;
+        size_t vertex = run_.first + i;
+        RingSum ring = last || leaf_depths_[i] < level.depth ? gather_ring<true>(level, vertex)
+                                                             : gather_ring<false>(level, vertex);
         ring_starts_[i + 1] = static_cast<uint32_t>(neighbours_.size());
-        shares_[i] = members != 0 ? 1 / static_cast<float>(members) : 0;
-        F32x4 sum = splat(0);
-        for (size_t k = first; k < first + members; k++) {
-            auto member = static_cast<size_t>(neighbours_[k].member);
-            sum += rows_[member].position;
-        }
-        float error = rows_[i].laplacian[3];
-        F32x4 laplacian = members != 0 ? sum * shares_[i] - rows_[i].position : splat(0);
-        laplacian[3] = error;
+        closed_[i] = ring.closed;
+        shares_[i] = ring.members != 0 ? 1 / static_cast<float>(ring.members) : 0;
+        F32x4 laplacian = ring.members != 0 ? ring.sum * shares_[i] - rows_[i].position : splat(0);
+        laplacian[3] = rows_[i].laplacian[3];
         rows_[i].laplacian = laplacian;
     }
 }
 
-bool DiffSlice::gather_ring(const Level& level, int32_t head) {
-    int32_t h = head;
-    for (int members = 0; members < RING_LIMIT; members++) {
-        int32_t ahead = next_half_edge(h), before = previous_half_edge(h);
-        int32_t member = level.corners[static_cast<size_t>(ahead)], back = level.twins[static_cast<size_t>(ahead)];
-        int32_t across = back == NONE ? NONE : level.corners[static_cast<size_t>(previous_half_edge(back))];
-        // One after the other: a row that is new is the last one.
-        int32_t member_row = row_of(level, member), across_row = across == NONE ? NONE : row_of(level, across);
-        neighbours_.push({member_row, across_row});
-        h = level.twins[static_cast<size_t>(before)];
-        if (h == head) return true;
-        if (h == NONE) { // a border: the last member has no face behind it
-            neighbours_.push({row_of(level, level.corners[static_cast<size_t>(before)]), NONE});
-            return false;
+// A ring as walk_ring has it; kept among the neighbours, or only added up.
+template <bool keeping>
+DiffSlice::RingSum DiffSlice::gather_ring(const Level& level, size_t vertex) {
+    RingSum ring;
+    int32_t head = level.heads[vertex], h = head;
+    auto add = [&](int32_t h_to, int32_t back) {
+        int32_t member = level.corners[static_cast<size_t>(h_to)];
+        ring.members++;
+        size_t place = static_cast<size_t>(member) - run_.first;
+        if constexpr (keeping) {
+            int32_t across = back == NONE ? NONE : level.corners[static_cast<size_t>(previous_half_edge(back))];
+            DiffNeighbour neighbour = {row_of(level, member), NONE};
+            if (across != NONE) neighbour.across = row_of(level, across);
+            neighbours_.push(neighbour);
+            ring.sum += rows_[static_cast<size_t>(neighbour.member)].position;
+        } else {
+            ring.sum += place < run_.count() ? rows_[place].position : level.centres[static_cast<size_t>(member)];
         }
+    };
+    while (h != NONE && ring.members < RING_LIMIT) {
+        int32_t ahead = next_half_edge(h), before = previous_half_edge(h);
+        add(ahead, keeping ? level.twins[static_cast<size_t>(ahead)] : NONE);
+        h = level.twins[static_cast<size_t>(before)];
+        if (h == head) {
+            ring.closed = true;
+            return ring;
+        }
+        if (h == NONE) add(before, NONE); // a border: the last member has no face behind it
     }
-    neighbours_.back().across = NONE; // the member after it is left out
-    return false;
+    if (keeping && ring.members != 0) neighbours_.back().across = NONE; // a member after it is left out
+    return ring;
 }
 
 void DiffSlice::tell(const Level& level, Span<F32x4> known) const {

@@ -73,7 +73,13 @@ private:
     friend class DiffMirror;
 
     void gather_rings(const Level& level);
-    bool gather_ring(const Level& level, int32_t head);
+    struct RingSum {
+        F32x4 sum = {}; // of positions
+        int members = 0;
+        bool closed = false;
+    };
+    template <bool keeping>
+    RingSum gather_ring(const Level& level, size_t vertex);
     int32_t row_of(const Level& level, int32_t vertex);
 
     Budget& budget_;
@@ -82,8 +88,8 @@ private:
     int level_depth_ = -1, known_depth_ = 0;
     Run run_ = {0, 0}; // in the level that it stands on
 
-    Array<DiffRow> rows_;        // of the slice's vertices, then of those of other slices that its rings touch
-    Array<uint8_t> leaf_depths_; // cell depths; NO_LEAF for others
+    Array<DiffRow> rows_;         // of the slice's vertices, then of those of other slices that its rings touch
+    Array<uint8_t> leaf_depths_;  // cell depths; NO_LEAF for others
     Array<uint32_t> ring_starts_; // one more than there are vertices
     Array<DiffNeighbour> neighbours_;
     Array<uint8_t> closed_; // whether the ring is

@@ -17,8 +17,8 @@ struct Surface {
 
 struct WideView {
     Surface surface;
-    int surface_class;  // how wrong the surfaces of the ring were, as an error class; the last one without a surface
-    F32x4 quadric;      // the offset to the surface, along its normal, from Surroundings::smoothed
+    int surface_class; // how wrong the surfaces of the ring were, as an error class; the last one without a surface
+    F32x4 quadric;     // the offset to the surface, along its normal, from Surroundings::smoothed
     Expert pairs;
     I32x4 below, above; // points of the patch with an offset of exactly -1 and 1
 };
@@ -89,7 +89,8 @@ MESHTIDE_INLINE Surface fit_surface(Patch& patch, F32x4 normal, float scale) {
     transpose(turned.a, turned.b, turned.c, none); // columns are rows now
     Rows3 taken = product(factors, turned);
     Rows3 left = {plain.a - taken.a, plain.b - taken.b, plain.c - taken.c};
-    heights -= F32x4{dot3(factors.a, curved_heights), dot3(factors.b, curved_heights), dot3(factors.c, curved_heights), 0};
+    heights -=
+        F32x4{dot3(factors.a, curved_heights), dot3(factors.b, curved_heights), dot3(factors.c, curved_heights), 0};
     F32x4 solution = product(heights, inverse(left));
     // Where nothing could be solved it is no number; then the bound is taken.
     solution = greatest(least(solution, F32x4{8, 1, 1, 0}), F32x4{-8, -1, -1, 0});

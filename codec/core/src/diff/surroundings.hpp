@@ -17,12 +17,12 @@ struct NoPatch { // for those who do not fit a surface
 
 struct Surroundings {
     Offsets ring;
-    I32x4 below, level, above; // members with an offset of exactly -1, 0, 1
-    F32x4 smoothed;            // the neighbours' mean, filtered and drawn towards the cell's middle
-    F32x4 far_mean;            // the neighbours' mean, filtered
-    F32x4 normal;              // of the ring, of length 1, or 0
-    I32x4 rank;                // 2 for the axis that is nearest to the normal, 0 for the one farthest from it
-    F32x4 plane;               // smoothed, moved along the normal to where far_mean is
+    I32x4 below, level, above;        // members with an offset of exactly -1, 0, 1
+    F32x4 smoothed;                   // the neighbours' mean, filtered and drawn towards the cell's middle
+    F32x4 far_mean;                   // the neighbours' mean, filtered
+    F32x4 normal;                     // of the ring, of length 1, or 0
+    I32x4 rank;                       // 2 for the axis that is nearest to the normal, 0 for the one farthest from it
+    F32x4 plane;                      // smoothed, moved along the normal to where far_mean is
     F32x4 across_mean, across_spread; // means of the vertices across, and of their Laplacians
     Expert in_ring, midpoint, across;
     int error_class, known_class; // how wrong the guesses of the ring were; how much of it is known, 0 to 3
@@ -39,7 +39,6 @@ MESHTIDE_INLINE int error_class(float error) {
 template <class AnyPatch>
 MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, Span<const DiffNeighbour> neighbours,
                                  F32x4 unit, Surroundings& seen, AnyPatch& patch) {
-    const F32x4 invert = {1, 1, 1, -1};
     auto count = static_cast<int>(neighbours.size());
     Offsets& ring = seen.ring;
     ring.count = count;
@@ -49,7 +48,6 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
         const DiffRow& row = rows[static_cast<size_t>(neighbours[static_cast<size_t>(i)].member)];
         F32x4 offset = (row.position - own.position) * unit;
         ring.room[i + 1] = offset;
-        ring.inverted[i] = offset * invert;
         patch.add(offset);
         sum += offset;
         laplacians += row.laplacian;
@@ -60,7 +58,7 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
     seen.below = below, seen.level = level, seen.above = above;
     F32x4 turn = {}, across_sum = {}, across_laplacians = {};
     float across_count = 0;
-    Guesses<RING_ROOM> guesses;
+    Guesses<RING_ROOM> in_ring, across;
     if (count != 0) {
         ring.room[0] = ring.room[count];
         ring.room[count + 1] = ring.room[1];
@@ -68,11 +66,13 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
         for (int i = 0; i < count; i++) {
             turn += cross3(last, ring[i]);
             last = ring[i];
+            // Parallelograms: the members beside over this one; this one and the next over what lies across.
+            in_ring.add(ring[i - 1] + ring[i + 1] - inverted(ring[i]));
             int32_t far = neighbours[static_cast<size_t>(i)].across;
             if (far == NONE) continue;
             const DiffRow& row = rows[static_cast<size_t>(far)];
             F32x4 offset = (row.position - own.position) * unit;
-            guesses.add(ring[i] + ring[i + 1] - offset * invert);
+            across.add(ring[i] + ring[i + 1] - inverted(offset));
             patch.add(offset);
             across_sum += offset;
             across_laplacians += row.laplacian;
@@ -99,9 +99,9 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
     float error = (laplacians[3] + 0.5f * own.laplacian[3]) / (members + 0.5f);
     seen.error_class = count != 0 ? error_class(error) : ERROR_CLASSES - 1;
     seen.known_class = static_cast<int>(4 * sum[3]) / (count + 1);
-    seen.in_ring = guess_in_ring(ring);
+    seen.in_ring = in_ring.conclude(7, 2, ring.closed ? 0 : 1);
     seen.midpoint = guess_midpoints(ring);
-    seen.across = guesses.conclude(7, 2);
+    seen.across = across.conclude(7, 2);
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA
