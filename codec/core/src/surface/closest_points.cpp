@@ -11,8 +11,6 @@ constexpr size_t PROBES = 32;          // searches that tell how long all of the
 constexpr double ORDINARY = 40.0;      // visited nodes of a search that is no reason to look at fewer points
 constexpr double VISITS_ALLOWED = 3e5; // nodes visited in all before fewer points are looked at
 
-// Floats and doubles differ by so much of a distance, where it is larger than what floats are wrong by.
-constexpr float RELATIVE = 1.0f / 64;
 
 double clamped(double value) { return value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value; }
 
@@ -106,12 +104,13 @@ struct ClosestPoints::Contest {
         int32_t face;
         float squared;
     };
-    Contest(const ClosestPoints& tree_, Vector at_, float slack_) : tree(tree_), at(at_), slack(slack_) {}
+    Contest(const ClosestPoints& tree_, Vector at_, float error_) : tree(tree_), at(at_), error(error_) {}
 
     const ClosestPoints& tree;
     Vector at;
-    float slack;
-    float limit = FAR * FAR; // none beyond it can win
+    float error;              // by which two distances in floats may be wrong
+    float least_squared = FAR * FAR;
+    float limit = FAR * FAR;  // none beyond it can win
     size_t count = 0;
     Closest best{INFINITY, {}}; // of those that have been measured in doubles
     Entry entries[ROOM];
@@ -129,8 +128,10 @@ struct ClosestPoints::Contest {
         }
     }
     void lower_limit(float squared) {
-        float lowered = squared * (1.0f + RELATIVE) + slack;
-        limit = lowered < limit ? lowered : limit;
+        if (!(squared < least_squared)) return;
+        least_squared = squared;
+        float reach = std::sqrt(squared) + error;
+        limit = reach * reach;
     }
     // In doubles, which leaves none.
     void measure() {
@@ -149,9 +150,7 @@ Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& vis
     Point point{{splat(static_cast<float>(scaled.x)), splat(static_cast<float>(scaled.y)),
                  splat(static_cast<float>(scaled.z))}};
     float reach = std::abs(point.at[0][0]) + std::abs(point.at[1][0]) + std::abs(point.at[2][0]);
-    float error = 1.2e-6f * (1.0f + reach); // of two distances
-    // (d + error)^2 is at most d^2 (1 + RELATIVE) + slack, whatever d is.
-    Contest contest(*this, at, error * error * (1.0f + 1.0f / RELATIVE));
+    Contest contest(*this, at, 1.2e-6f * (1.0f + reach));
     int32_t first = ~static_cast<int32_t>(block_of_face_[hint]);
     contest.enter(blocks_[block_of_face_[hint]], point);
     double enough_scaled = enough * scale_ * scale_;

@@ -32,6 +32,7 @@ struct Half {
     uint32_t first = 0, end = 0; // in the order
     int32_t second_child = -1;   // none: a leaf
     int32_t beam = -1;
+    int32_t block = -1; // of a leaf; numbered along the curve, so that neighbours are near in memory
     Box box;
     uint32_t longest = 0;
     double longest_squared = 0;
@@ -176,6 +177,8 @@ struct ClosestPoints::Builder {
     size_t size_of(size_t half) const { return halves[half].end - halves[half].first; }
 
     void merge(Budget& budget) {
+        for (Half& half : halves)
+            if (half.second_child < 0) add_block(half);
         struct Task {
             size_t half, node, lane;
         };
@@ -198,8 +201,7 @@ struct ClosestPoints::Builder {
                 enclose(node, lane, half.box);
                 node.beams[lane] = half.beam;
                 if (half.second_child < 0) {
-                    node.children[lane] = ~static_cast<int32_t>(tree.blocks_.size());
-                    add_block(half);
+                    node.children[lane] = ~half.block;
                 } else {
                     tasks.push({children[lane], number, lane});
                 }
@@ -216,8 +218,9 @@ struct ClosestPoints::Builder {
         node.high[0][lane] = up(high.x), node.high[1][lane] = up(high.y), node.high[2][lane] = up(high.z);
     }
 
-    void add_block(const Half& half) {
+    void add_block(Half& half) {
         Block block;
+        half.block = static_cast<int32_t>(tree.blocks_.size());
         for (size_t lane = 0; lane < BLOCK_SIZE; lane++) {
             size_t face = tree.order_[std::min<size_t>(half.first + lane, half.end - 1)];
             Vector corners[3];
