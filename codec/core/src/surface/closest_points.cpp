@@ -11,7 +11,6 @@ constexpr size_t PROBES = 32;          // searches that tell how long all of the
 constexpr double ORDINARY = 40.0;      // visited nodes of a search that is no reason to look at fewer points
 constexpr double VISITS_ALLOWED = 3e5; // nodes visited in all before fewer points are looked at
 
-
 double clamped(double value) { return value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value; }
 
 MESHTIDE_INLINE F32x4 dot(const F32x4 (&a)[3], const F32x4 (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -108,9 +107,9 @@ struct ClosestPoints::Contest {
 
     const ClosestPoints& tree;
     Vector at;
-    float error;              // by which two distances in floats may be wrong
+    float error; // by which two distances in floats may be wrong
     float least_squared = FAR * FAR;
-    float limit = FAR * FAR;  // none beyond it can win
+    float limit = FAR * FAR; // none beyond it can win
     size_t count = 0;
     Closest best{INFINITY, {}}; // of those that have been measured in doubles
     Entry entries[ROOM];
