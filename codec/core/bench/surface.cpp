@@ -185,7 +185,7 @@ void bench(const Loaded& mesh, int runs) {
     std::unique_ptr<ClosestPoints> tree;
     double build = least_time(runs, [&] { tree = std::make_unique<ClosestPoints>(mesh.surface(), budget); });
     std::vector<Foot> feet(20000);
-    sample(mesh.surface(), tree->order(), 7, {feet.data(), feet.size()});
+    sample(tree->faces(), 7, {feet.data(), feet.size()});
     std::vector<Vector> points;
     for (size_t i = 0; i < feet.size(); i++) { // up to 8 steps off the surface
         Vector normal = mesh.surface().normal(static_cast<size_t>(feet[i].face));

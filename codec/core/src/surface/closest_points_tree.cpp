@@ -242,7 +242,8 @@ struct ClosestPoints::Builder {
 };
 
 ClosestPoints::ClosestPoints(Surface surface, Budget& budget)
-    : surface_(surface), order_(budget), nodes_(budget), blocks_(budget), block_of_face_(budget), beams_(budget) {
+    : surface_(surface), order_(budget), areas_(budget), nodes_(budget), blocks_(budget), block_of_face_(budget),
+      beams_(budget) {
     size_t faces = surface.face_count();
     if (faces == 0 || faces > INT32_MAX / 4) fail(Fault::argument, "a surface must have triangles, not too many");
     for (int32_t v : surface.faces)
@@ -258,6 +259,7 @@ ClosestPoints::ClosestPoints(Surface surface, Budget& budget)
         builder.halves.reserve(faces);
         halve(keys, builder.halves, budget);
     }
+    sum_areas(surface_, order_.span(), areas_);
     builder.enclose();
     builder.set_scale();
     nodes_.reserve(builder.halves.size() / 3 + 1);

@@ -92,7 +92,7 @@ struct Original {
     void sampled(const ClosestPoints& of, size_t count, uint64_t seed, Array<Vector>& some) const {
         Array<Foot> feet(budget);
         feet.resize(count);
-        sample(of.surface(), of.order(), seed, feet.span());
+        sample(of.faces(), seed, feet.span());
         some.clear();
         for (const Foot& foot : feet) some.push(foot.on(of.surface()));
     }

@@ -36,7 +36,7 @@ Refitter::Refitter(const ClosestPoints& original, Span<const int32_t> faces, siz
     size_t count = std::max(FEWEST_SAMPLES, SAMPLES_PER_VERTEX * vertices);
     full_stiffness_ = stiffness_ = STIFFNESS * 2.0 * static_cast<double>(count) / static_cast<double>(vertices);
     own_.resize(count);
-    sample(original.surface(), original.order(), SEED, own_.span());
+    sample(original.faces(), SEED, own_.span());
     samples_.resize(count);
     for (size_t i = 0; i < count; i++) samples_[i] = own_[i].on(original.surface());
     feet_.assign(count, Foot{});
@@ -89,7 +89,7 @@ void Refitter::round(Span<const Vector> vertices, double step, int32_t last, Arr
 double Refitter::distance(Span<const Vector> vertices) {
     Surface mesh{vertices, faces_};
     ClosestPoints tree(mesh, budget_);
-    sample(mesh, tree.order(), SEED + 1, own_.span());
+    sample(tree.faces(), SEED + 1, own_.span());
     size_t stride = (samples_.size() + MEASURED_SAMPLES - 1) / MEASURED_SAMPLES, count = 0;
     double forth = 0.0, back = 0.0;
     for (size_t i = 0; i < samples_.size(); i += stride, count++) {
@@ -118,7 +118,7 @@ void Refitter::project(Span<const Vector> vertices, size_t stride) {
         feet_[i] = tree.closest(samples_[i], hint(feet_, i, stride)).foot;
         add_plane(feet_[i], vertices, direction(samples_[i] - feet_[i].on(mesh), mesh, feet_[i]), samples_[i]);
     }
-    sample(mesh, tree.order(), SEED + 1, own_.span());
+    sample(tree.faces(), SEED + 1, own_.span());
     for (size_t i = 0; i < own_.size(); i += stride) {
         Vector point = own_[i].on(mesh);
         back_[i] = original_.closest(point, hint(back_, i, stride)).foot;
