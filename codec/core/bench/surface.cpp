@@ -222,7 +222,15 @@ void bench(const Loaded& mesh, int runs) {
     double mirrored = least_time(runs, [&] { mirror = find_mirror(mesh.grid().positions, budget); });
     if (mirror.axis != mesh.sample.mirror_axis || mirror.sum != mesh.sample.mirror_sum)
         std::printf("the mirror differs: axis %d sum %d\n", mirror.axis, mirror.sum);
-    std::printf("%-22s strengths %6.2f ms, mirror %6.2f ms\n", mesh.sample.name.c_str(), strengths, mirrored);
+    std::vector<Vector> coarse; // as a level is drawn: the middles of cells of 16 steps
+    for (Vector v : mesh.points) {
+        auto middle = [](double at) { return std::floor(at / 16.0) * 16.0 + 7.5; };
+        coarse.push_back({middle(v.x), middle(v.y), middle(v.z)});
+    }
+    DistanceMeter meter(mesh.surface(), {}, budget);
+    double distance = least_time(runs, [&] { meter.measure({{coarse.data(), coarse.size()}, mesh.surface().faces}); });
+    std::printf("%-22s a distance %6.2f ms, strengths %6.2f ms, mirror %6.2f ms\n", mesh.sample.name.c_str(), distance,
+                strengths, mirrored);
     std::printf("%-22s tree %6.2f ms, search %5.0f ns (visits %.1f, rms %.4f), simplify %6.2f ms, fit %6.2f ms, "
                 "%zu previews %6.1f ms\n",
                 mesh.sample.name.c_str(), build, 1e6 * search / static_cast<double>(points.size()),

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -42,4 +42,4 @@ Thinness find_beam(const Surface& surface, const BeamRange& range, Beam& beam) {
     return middle_side >= WORTH * radius ? Thinness::worth_a_beam : Thinness::thin;
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -9,7 +9,7 @@
 
 #include "surface/geometry.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 struct Beam {
     Vector point, direction; // of length 1
@@ -36,4 +36,4 @@ enum class Thinness { wide, thin, worth_a_beam };
 // be kept, but ranges of two thin ones may be thin again. O(triangles).
 Thinness find_beam(const Surface& surface, const BeamRange& range, Beam& beam);
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

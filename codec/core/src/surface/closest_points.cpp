@@ -33,8 +33,8 @@ MESHTIDE_INLINE F32x4 select(I32x4 mask, F32x4 yes, F32x4 no) {
 Closest closest_on_face(const Surface& surface, size_t face, Vector point) {
     Vector a = surface.at(face, 0);
     Vector b = surface.at(face, 1) - a, c = surface.at(face, 2) - a, p = point - a;
-    double bb = meshtide::dot(b, b), bc = meshtide::dot(b, c), cc = meshtide::dot(c, c);
-    double pb = meshtide::dot(p, b), pc = meshtide::dot(p, c);
+    double bb = dot(b, b), bc = dot(b, c), cc = dot(c, c);
+    double pb = dot(p, b), pc = dot(p, c);
     double best = INFINITY, second = 0.0, third = 0.0;
     auto number = static_cast<int32_t>(face);
     double determinant = bb * cc - bc * bc;
@@ -42,23 +42,23 @@ Closest closest_on_face(const Surface& surface, size_t face, Vector point) {
         double v = (cc * pb - bc * pc) / determinant, w = (bb * pc - bc * pb) / determinant;
         if (v >= 0.0 && w >= 0.0 && v + w <= 1.0) {
             Vector off = p - b * v - c * w;
-            best = meshtide::dot(off, off), second = v, third = w;
+            best = dot(off, off), second = v, third = w;
             if (determinant > WELL_SHAPED * bb * cc) return {best, {number, second, third}};
         }
     }
     double along = bb > 0.0 ? clamped(pb / bb) : 0.0;
     Vector off = p - b * along;
-    double squared = meshtide::dot(off, off);
+    double squared = dot(off, off);
     if (squared < best) best = squared, second = along, third = 0.0;
     along = cc > 0.0 ? clamped(pc / cc) : 0.0;
     off = p - c * along;
-    squared = meshtide::dot(off, off);
+    squared = dot(off, off);
     if (squared < best) best = squared, second = 0.0, third = along;
     Vector e = c - b, q = p - b;
-    double ee = meshtide::dot(e, e);
-    along = ee > 0.0 ? clamped(meshtide::dot(q, e) / ee) : 0.0;
+    double ee = dot(e, e);
+    along = ee > 0.0 ? clamped(dot(q, e) / ee) : 0.0;
     off = q - e * along;
-    squared = meshtide::dot(off, off);
+    squared = dot(off, off);
     if (squared < best) best = squared, second = 1.0 - along, third = along;
     return {best, {number, second, third}};
 }

@@ -1,6 +1,6 @@
 #include "surface/samples.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -59,4 +59,4 @@ void used_vertices(const Surface& surface, Span<const uint32_t> order, size_t li
     for (size_t i = 0; i < used.size(); i += stride) vertices.push(surface.vertices[static_cast<size_t>(used[i])]);
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

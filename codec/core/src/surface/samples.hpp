@@ -3,7 +3,7 @@
 
 #include "surface/geometry.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 // The faces of a surface in some order, and the area of each together with all before it.
 struct OrderedFaces {
@@ -26,4 +26,4 @@ void sample(const OrderedFaces& faces, uint64_t seed, Span<Foot> samples);
 void used_vertices(const Surface& surface, Span<const uint32_t> order, size_t limit, Array<Vector>& vertices,
                    Budget& budget);
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

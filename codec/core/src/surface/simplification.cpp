@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <bit>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -357,4 +357,4 @@ void Simplifier::compact() {
     for (size_t i = kept / 4 + 1; i-- > 0;) sink(i);
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

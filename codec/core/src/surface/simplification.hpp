@@ -14,7 +14,7 @@
 #include "surface/quadrics.hpp"
 #include "surface/triangles.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 class Simplifier {
 public:
@@ -74,4 +74,4 @@ private:
     bool gluing_ = false;
 };
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA
