@@ -2,12 +2,11 @@
 
 #include <algorithm>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
 constexpr double THIN = 8.0;      // diagonals of a range's box are at least so many radii long
-constexpr double SPANNED = 4.0;   // and at most so many longest edges
 constexpr double WORTH = 4.0;     // a beam pays where the second longest side of the box is so many radii
 constexpr double ROUNDING = 1e-9; // of lengths: left of a beam to be sure that no triangle sticks out
 
@@ -21,18 +20,14 @@ double Beam::squared_distance(Vector from) const {
     return distance > 0.0 ? distance * distance : 0.0;
 }
 
-double squared_edge(const Surface& surface, size_t face, size_t corner) {
-    Vector edge = surface.at(face, corner == 2 ? 0 : corner + 1) - surface.at(face, corner);
-    return dot(edge, edge);
-}
-
 Thinness find_beam(const Surface& surface, const BeamRange& range, Beam& beam) {
-    Vector sides = range.high - range.low;
-    double diagonal = length(sides), edge = std::sqrt(range.longest_squared);
-    if (diagonal == 0.0 || diagonal > SPANNED * edge) return Thinness::wide;
     size_t face = range.longest / 3, corner = range.longest % 3;
+    Vector along = surface.at(face, corner == 2 ? 0 : corner + 1) - surface.at(face, corner);
+    const Vector& sides = range.sides;
+    double diagonal = length(sides), edge = length(along);
+    if (diagonal == 0.0 || diagonal > SPANNED * edge) return Thinness::wide;
     beam.point = surface.at(face, corner);
-    beam.direction = (surface.at(face, corner == 2 ? 0 : corner + 1) - beam.point) * (1.0 / edge);
+    beam.direction = along * (1.0 / edge);
     double limit = diagonal / THIN, largest = 0.0;
     for (size_t i = range.first; i < range.end; i++) {
         for (size_t k = 0; k < 3; k++) {
@@ -47,4 +42,4 @@ Thinness find_beam(const Surface& surface, const BeamRange& range, Beam& beam) {
     return middle_side >= WORTH * radius ? Thinness::worth_a_beam : Thinness::thin;
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

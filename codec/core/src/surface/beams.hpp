@@ -9,7 +9,7 @@
 
 #include "surface/geometry.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 struct Beam {
     Vector point, direction; // of length 1
@@ -23,10 +23,12 @@ struct Beam {
 struct BeamRange {
     Span<const uint32_t> order;
     size_t first, end;
-    Vector low, high;       // their box
-    uint32_t longest;       // edge, as 3 face + corner where it begins
-    double longest_squared; // its squared length
+    Vector sides;     // of their box
+    uint32_t longest; // edge, as 3 face + corner where it begins
 };
+
+// Diagonals of boxes are at most so many longest edges where there can be a beam.
+constexpr double SPANNED = 4.0;
 
 enum class Thinness { wide, thin, worth_a_beam };
 
@@ -34,6 +36,4 @@ enum class Thinness { wide, thin, worth_a_beam };
 // be kept, but ranges of two thin ones may be thin again. O(triangles).
 Thinness find_beam(const Surface& surface, const BeamRange& range, Beam& beam);
 
-double squared_edge(const Surface& surface, size_t face, size_t corner);
-
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

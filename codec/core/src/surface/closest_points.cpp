@@ -11,9 +11,6 @@ constexpr size_t PROBES = 32;          // searches that tell how long all of the
 constexpr double ORDINARY = 40.0;      // visited nodes of a search that is no reason to look at fewer points
 constexpr double VISITS_ALLOWED = 3e5; // nodes visited in all before fewer points are looked at
 
-// Floats and doubles differ by so much of a distance, where it is larger than what floats are wrong by.
-constexpr float RELATIVE = 1.0f / 64;
-
 double clamped(double value) { return value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value; }
 
 MESHTIDE_INLINE F32x4 dot(const F32x4 (&a)[3], const F32x4 (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -36,8 +33,8 @@ MESHTIDE_INLINE F32x4 select(I32x4 mask, F32x4 yes, F32x4 no) {
 Closest closest_on_face(const Surface& surface, size_t face, Vector point) {
     Vector a = surface.at(face, 0);
     Vector b = surface.at(face, 1) - a, c = surface.at(face, 2) - a, p = point - a;
-    double bb = meshtide::dot(b, b), bc = meshtide::dot(b, c), cc = meshtide::dot(c, c);
-    double pb = meshtide::dot(p, b), pc = meshtide::dot(p, c);
+    double bb = dot(b, b), bc = dot(b, c), cc = dot(c, c);
+    double pb = dot(p, b), pc = dot(p, c);
     double best = INFINITY, second = 0.0, third = 0.0;
     auto number = static_cast<int32_t>(face);
     double determinant = bb * cc - bc * bc;
@@ -45,23 +42,23 @@ Closest closest_on_face(const Surface& surface, size_t face, Vector point) {
         double v = (cc * pb - bc * pc) / determinant, w = (bb * pc - bc * pb) / determinant;
         if (v >= 0.0 && w >= 0.0 && v + w <= 1.0) {
             Vector off = p - b * v - c * w;
-            best = meshtide::dot(off, off), second = v, third = w;
+            best = dot(off, off), second = v, third = w;
             if (determinant > WELL_SHAPED * bb * cc) return {best, {number, second, third}};
         }
     }
     double along = bb > 0.0 ? clamped(pb / bb) : 0.0;
     Vector off = p - b * along;
-    double squared = meshtide::dot(off, off);
+    double squared = dot(off, off);
     if (squared < best) best = squared, second = along, third = 0.0;
     along = cc > 0.0 ? clamped(pc / cc) : 0.0;
     off = p - c * along;
-    squared = meshtide::dot(off, off);
+    squared = dot(off, off);
     if (squared < best) best = squared, second = 0.0, third = along;
     Vector e = c - b, q = p - b;
-    double ee = meshtide::dot(e, e);
-    along = ee > 0.0 ? clamped(meshtide::dot(q, e) / ee) : 0.0;
+    double ee = dot(e, e);
+    along = ee > 0.0 ? clamped(dot(q, e) / ee) : 0.0;
     off = q - e * along;
-    squared = meshtide::dot(off, off);
+    squared = dot(off, off);
     if (squared < best) best = squared, second = 1.0 - along, third = along;
     return {best, {number, second, third}};
 }
@@ -106,11 +103,12 @@ struct ClosestPoints::Contest {
         int32_t face;
         float squared;
     };
-    Contest(const ClosestPoints& tree_, Vector at_, float slack_) : tree(tree_), at(at_), slack(slack_) {}
+    Contest(const ClosestPoints& tree_, Vector at_, float error_) : tree(tree_), at(at_), error(error_) {}
 
     const ClosestPoints& tree;
     Vector at;
-    float slack;
+    float error; // by which two distances in floats may be wrong
+    float least_squared = FAR * FAR;
     float limit = FAR * FAR; // none beyond it can win
     size_t count = 0;
     Closest best{INFINITY, {}}; // of those that have been measured in doubles
@@ -129,8 +127,10 @@ struct ClosestPoints::Contest {
         }
     }
     void lower_limit(float squared) {
-        float lowered = squared * (1.0f + RELATIVE) + slack;
-        limit = lowered < limit ? lowered : limit;
+        if (!(squared < least_squared)) return;
+        least_squared = squared;
+        float reach = std::sqrt(squared) + error;
+        limit = reach * reach;
     }
     // In doubles, which leaves none.
     void measure() {
@@ -149,9 +149,7 @@ Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& vis
     Point point{{splat(static_cast<float>(scaled.x)), splat(static_cast<float>(scaled.y)),
                  splat(static_cast<float>(scaled.z))}};
     float reach = std::abs(point.at[0][0]) + std::abs(point.at[1][0]) + std::abs(point.at[2][0]);
-    float error = 1.2e-6f * (1.0f + reach); // of two distances
-    // (d + error)^2 is at most d^2 (1 + RELATIVE) + slack, whatever d is.
-    Contest contest(*this, at, error * error * (1.0f + 1.0f / RELATIVE));
+    Contest contest(*this, at, 1.2e-6f * (1.0f + reach));
     int32_t first = ~static_cast<int32_t>(block_of_face_[hint]);
     contest.enter(blocks_[block_of_face_[hint]], point);
     double enough_scaled = enough * scale_ * scale_;

@@ -12,6 +12,7 @@
 #include "base/lanes.hpp"
 #include "surface/beams.hpp"
 #include "surface/geometry.hpp"
+#include "surface/samples.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
@@ -53,6 +54,7 @@ public:
     const Surface& surface() const { return surface_; }
     // The triangles along the curve: neighbours in this list are neighbours in space.
     Span<const uint32_t> order() const { return order_.span(); }
+    OrderedFaces faces() const { return {order_.span(), areas_.span()}; }
 
 private:
     // Four children, a lane for each: nodes, or ~number of a block of up to four triangles.
@@ -80,6 +82,7 @@ private:
     Vector centre_;
     double scale_ = 1; // to floats, in which the surface is within 0.5 of the centre; a power of two
     Array<uint32_t> order_;
+    Array<double> areas_; // along it, summed up
     Array<Node> nodes_;
     Array<Block> blocks_;
     Array<uint32_t> block_of_face_;

@@ -15,15 +15,15 @@ constexpr int AXIS_BITS = 15; // of the curve; triangles in the same cell are ha
 constexpr size_t BLOCK_SIZE = 4;
 
 struct Box {
-    Vector low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
+    F32x4 low = splat(INFINITY), high = splat(-INFINITY);
 
-    void add(Vector p) {
-        low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
-        high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    void add(F32x4 p) {
+        low = least(low, p);
+        high = greatest(high, p);
     }
     void add(const Box& box) {
-        add(box.low);
-        add(box.high);
+        low = least(low, box.low);
+        high = greatest(high, box.high);
     }
 };
 
@@ -32,29 +32,25 @@ struct Half {
     uint32_t first = 0, end = 0; // in the order
     int32_t second_child = -1;   // none: a leaf
     int32_t beam = -1;
+    int32_t block = -1; // of a leaf; numbered along the curve, so that neighbours are near in memory
     Box box;
     uint32_t longest = 0;
-    double longest_squared = 0;
+    float longest_squared = -1;
     bool thin = false;
 };
 
-Vector middle(const Surface& surface, size_t face) {
-    return (surface.at(face, 0) + surface.at(face, 1) + surface.at(face, 2)) * (1.0 / 3.0);
-}
-
-// The faces along the curve, with their keys.
-void sort_faces(const Surface& surface, Array<Keyed>& keys, Budget& budget) {
-    Box box;
-    for (size_t f = 0; f < surface.face_count(); f++) box.add(middle(surface, f));
-    Vector sides = box.high - box.low;
-    double side = std::max(sides.x, std::max(sides.y, sides.z));
-    double last = static_cast<double>((1 << AXIS_BITS) - 1);
-    double scale = side > 0.0 ? last / side : 0.0;
-    auto cell = [&](double offset) { return static_cast<uint32_t>(std::min(offset * scale, last)); };
-    keys.resize(surface.face_count());
-    for (size_t f = 0; f < surface.face_count(); f++) {
-        Vector offset = middle(surface, f) - box.low;
-        keys[f] = {morton_code(cell(offset.x), cell(offset.y), cell(offset.z)), static_cast<uint32_t>(f)};
+// The faces along the curve, with their keys; vertices in floats.
+void sort_faces(Span<const int32_t> faces, Span<const F32x4> vertices, Array<Keyed>& keys, Budget& budget) {
+    constexpr auto LAST = static_cast<float>((1 << AXIS_BITS) - 1);
+    keys.resize(faces.size() / 3);
+    for (size_t f = 0; f < keys.size(); f++) {
+        const int32_t* corners = faces.block(3 * f, 3);
+        F32x4 sum = vertices[static_cast<size_t>(corners[0])] + vertices[static_cast<size_t>(corners[1])] +
+                    vertices[static_cast<size_t>(corners[2])];
+        F32x4 cell = (sum * splat(1.0f / 3.0f) + splat(0.5f)) * splat(LAST);
+        I32x4 at = truncate(least(greatest(cell, splat(0.0f)), splat(LAST)));
+        auto coordinate = [&](size_t k) { return static_cast<uint32_t>(at[k]); };
+        keys[f] = {morton_code(coordinate(0), coordinate(1), coordinate(2)), static_cast<uint32_t>(f)};
     }
     sort_keyed(keys, 3 * AXIS_BITS, budget);
 }
@@ -104,23 +100,42 @@ struct ClosestPoints::Builder {
     ClosestPoints& tree;
     Array<Half> halves;
 
+    Array<F32x4> vertices; // in floats, about the middle
+
+    F32x4 at(size_t face, size_t k) const { return vertices[static_cast<size_t>(tree.surface_.corner(face, k))]; }
+
+    // To the middle of the surface, and a power of two that takes it to floats of at most 0.5.
+    void scale() {
+        const Surface& surface = tree.surface_;
+        Vector low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
+        for (int32_t v : surface.faces) {
+            if (v < 0 || static_cast<size_t>(v) >= surface.vertices.size())
+                fail(Fault::argument, "a triangle names a vertex that is not there");
+            Vector p = surface.vertices[static_cast<size_t>(v)];
+            low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+            high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+        }
+        tree.centre_ = low * 0.5 + high * 0.5;
+        Vector sides = high - low;
+        double side = std::max(sides.x, std::max(sides.y, sides.z));
+        if (side > 0.0 && side < 1e300) {
+            int exponent = 0;
+            std::frexp(side, &exponent);
+            tree.scale_ = std::ldexp(1.0, std::min(-exponent, 1000));
+        }
+        vertices.resize(surface.vertices.size());
+        for (size_t v = 0; v < vertices.size(); v++) {
+            Vector p = (surface.vertices[v] - tree.centre_) * tree.scale_;
+            vertices[v] = F32x4{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), 0.0f};
+        }
+    }
+
     // Boxes and beams, children first.
     void enclose() {
-        const Surface& surface = tree.surface_;
         for (size_t n = halves.size(); n-- > 0;) {
             Half& half = halves[n];
             if (half.second_child < 0) {
-                half.longest_squared = -1.0;
-                for (size_t i = half.first; i < half.end; i++) {
-                    size_t face = tree.order_[i];
-                    for (size_t k = 0; k < 3; k++) {
-                        half.box.add(surface.at(face, k));
-                        double squared = squared_edge(surface, face, k);
-                        if (squared <= half.longest_squared) continue;
-                        half.longest_squared = squared;
-                        half.longest = static_cast<uint32_t>(3 * face + k);
-                    }
-                }
+                for (size_t i = half.first; i < half.end; i++) enclose_face(half, tree.order_[i]);
             } else {
                 const Half &one = halves[n + 1], &other = halves[static_cast<size_t>(half.second_child)];
                 half.box = one.box;
@@ -130,10 +145,14 @@ struct ClosestPoints::Builder {
                 half.longest_squared = longer.longest_squared;
                 if (!one.thin && !other.thin) continue;
             }
-            BeamRange range{tree.order_.span(), half.first,          half.end, half.box.low, half.box.high,
-                            half.longest,       half.longest_squared};
+            F32x4 sides = half.box.high - half.box.low;
+            if (dot3(sides, sides) > 1.01f * static_cast<float>(SPANNED * SPANNED) * half.longest_squared) continue;
+            double unit = 1.0 / tree.scale_;
+            auto side = [&](size_t k) { return static_cast<double>(sides[k]) * unit; };
             Beam beam;
-            Thinness thinness = find_beam(surface, range, beam);
+            Thinness thinness =
+                find_beam(tree.surface_,
+                          {tree.order_.span(), half.first, half.end, {side(0), side(1), side(2)}, half.longest}, beam);
             half.thin = thinness != Thinness::wide;
             if (thinness == Thinness::worth_a_beam) {
                 half.beam = static_cast<int32_t>(tree.beams_.size());
@@ -141,17 +160,15 @@ struct ClosestPoints::Builder {
             }
         }
     }
-
-    // To the middle of the surface, and a power of two that takes it to floats of at most 0.5.
-    void set_scale() {
-        const Box& box = halves[0].box;
-        tree.centre_ = box.low * 0.5 + box.high * 0.5;
-        Vector sides = box.high - box.low;
-        double side = std::max(sides.x, std::max(sides.y, sides.z));
-        if (side > 0.0 && side < 1e300) {
-            int exponent = 0;
-            std::frexp(side, &exponent);
-            tree.scale_ = std::ldexp(1.0, std::min(-exponent, 1000));
+    void enclose_face(Half& half, uint32_t face) const {
+        F32x4 corners[3] = {at(face, 0), at(face, 1), at(face, 2)};
+        for (uint32_t k = 0; k < 3; k++) {
+            half.box.add(corners[k]);
+            F32x4 edge = corners[k == 2 ? 0 : k + 1] - corners[k];
+            float squared = dot3(edge, edge);
+            if (squared <= half.longest_squared) continue;
+            half.longest_squared = squared;
+            half.longest = 3 * face + k;
         }
     }
 
@@ -176,6 +193,8 @@ struct ClosestPoints::Builder {
     size_t size_of(size_t half) const { return halves[half].end - halves[half].first; }
 
     void merge(Budget& budget) {
+        for (Half& half : halves)
+            if (half.second_child < 0) add_block(half);
         struct Task {
             size_t half, node, lane;
         };
@@ -198,8 +217,7 @@ struct ClosestPoints::Builder {
                 enclose(node, lane, half.box);
                 node.beams[lane] = half.beam;
                 if (half.second_child < 0) {
-                    node.children[lane] = ~static_cast<int32_t>(tree.blocks_.size());
-                    add_block(half);
+                    node.children[lane] = ~half.block;
                 } else {
                     tasks.push({children[lane], number, lane});
                 }
@@ -208,29 +226,24 @@ struct ClosestPoints::Builder {
         }
     }
 
-    void enclose(Node& node, size_t lane, const Box& box) const {
-        Vector low = (box.low - tree.centre_) * tree.scale_, high = (box.high - tree.centre_) * tree.scale_;
-        auto down = [](double value) { return static_cast<float>(value) - COORDINATE_ERROR; };
-        auto up = [](double value) { return static_cast<float>(value) + COORDINATE_ERROR; };
-        node.low[0][lane] = down(low.x), node.low[1][lane] = down(low.y), node.low[2][lane] = down(low.z);
-        node.high[0][lane] = up(high.x), node.high[1][lane] = up(high.y), node.high[2][lane] = up(high.z);
+    static void enclose(Node& node, size_t lane, const Box& box) {
+        for (size_t k = 0; k < 3; k++) {
+            node.low[k][lane] = box.low[k] - COORDINATE_ERROR;
+            node.high[k][lane] = box.high[k] + COORDINATE_ERROR;
+        }
     }
 
-    void add_block(const Half& half) {
+    void add_block(Half& half) {
         Block block;
+        half.block = static_cast<int32_t>(tree.blocks_.size());
         for (size_t lane = 0; lane < BLOCK_SIZE; lane++) {
             size_t face = tree.order_[std::min<size_t>(half.first + lane, half.end - 1)];
-            Vector corners[3];
-            for (size_t k = 0; k < 3; k++) corners[k] = (tree.surface_.at(face, k) - tree.centre_) * tree.scale_;
-            Vector second = corners[1] - corners[0], third = corners[2] - corners[0];
-            auto put = [&](float(&to)[3][4], Vector v) {
-                to[0][lane] = static_cast<float>(v.x);
-                to[1][lane] = static_cast<float>(v.y);
-                to[2][lane] = static_cast<float>(v.z);
-            };
-            put(block.first, corners[0]);
-            put(block.second, second);
-            put(block.third, third);
+            F32x4 first = at(face, 0), second = at(face, 1) - first, third = at(face, 2) - first;
+            for (size_t k = 0; k < 3; k++) {
+                block.first[k][lane] = first[k];
+                block.second[k][lane] = second[k];
+                block.third[k][lane] = third[k];
+            }
             block.faces[lane] = static_cast<int32_t>(face);
             tree.block_of_face_[face] = static_cast<uint32_t>(tree.blocks_.size());
         }
@@ -239,24 +252,23 @@ struct ClosestPoints::Builder {
 };
 
 ClosestPoints::ClosestPoints(Surface surface, Budget& budget)
-    : surface_(surface), order_(budget), nodes_(budget), blocks_(budget), block_of_face_(budget), beams_(budget) {
+    : surface_(surface), order_(budget), areas_(budget), nodes_(budget), blocks_(budget), block_of_face_(budget),
+      beams_(budget) {
     size_t faces = surface.face_count();
     if (faces == 0 || faces > INT32_MAX / 4) fail(Fault::argument, "a surface must have triangles, not too many");
-    for (int32_t v : surface.faces)
-        if (v < 0 || static_cast<size_t>(v) >= surface.vertices.size())
-            fail(Fault::argument, "a triangle names a vertex that is not there");
-    Builder builder{*this, Array<Half>(budget)};
+    Builder builder{*this, Array<Half>(budget), Array<F32x4>(budget)};
+    builder.scale();
     {
         Array<Keyed> keys(budget);
-        sort_faces(surface, keys, budget);
+        sort_faces(surface.faces, builder.vertices.span(), keys, budget);
         order_.resize(faces);
         block_of_face_.resize(faces);
         for (size_t i = 0; i < faces; i++) order_[i] = keys[i].place;
         builder.halves.reserve(faces);
         halve(keys, builder.halves, budget);
     }
+    sum_areas(surface_, order_.span(), areas_);
     builder.enclose();
-    builder.set_scale();
     nodes_.reserve(builder.halves.size() / 3 + 1);
     blocks_.reserve(builder.halves.size() / 2 + 1);
     builder.merge(budget);

@@ -1,10 +1,12 @@
 // What building and searching of the tree agree on.
 #pragma once
 
+#include "base/lanes.hpp"
+
 #include <cstddef>
 #include <cstdint>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 constexpr int32_t ABSENT = INT32_MIN;        // a child that a node does not have
 constexpr float FAR = 1e15f;                 // where its box is
@@ -12,4 +14,4 @@ constexpr float COORDINATE_ERROR = 0x1p-24f; // of floats up to 0.5
 // A node's binary tree is no deeper than keys have bits and counts have halvings; a step leaves three children behind.
 constexpr size_t STACK_SIZE = 3 * (48 + 32) + 4;
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

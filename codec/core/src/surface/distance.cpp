@@ -52,7 +52,7 @@ void sampled(const ClosestPoints& tree, size_t count, uint64_t seed, Array<Vecto
     Array<Foot> feet(budget);
     feet.resize(count);
     points.resize(count);
-    sample(tree.surface(), tree.order(), seed, feet.span());
+    sample(tree.faces(), seed, feet.span());
     for (size_t i = 0; i < count; i++) points[i] = feet[i].on(tree.surface());
 }
 

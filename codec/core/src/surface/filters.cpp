@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -179,4 +179,4 @@ void divide(const Graph& graph, Span<const float> coefficients, Span<double> val
     }
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

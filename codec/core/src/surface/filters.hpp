@@ -8,7 +8,7 @@
 
 #include "surface/graph.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 enum class FilterKind { zeroth, gaussian, taubin, polynomial, rational };
 enum class FilterBasis { power, chebyshev };
@@ -44,4 +44,4 @@ bool is_safe_denominator(Span<const float> denominator);
 // Solves (1 + q_1 K + q_2 K^2 + ...) x = values, to a relative residual of 1e-11, in place; the denominator is safe.
 void divide(const Graph& graph, Span<const float> denominator, Span<double> values, Budget& budget);
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

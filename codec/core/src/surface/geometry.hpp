@@ -1,11 +1,12 @@
 // Points of space in doubles, and surfaces made of triangles.
 #pragma once
 
+#include "base/lanes.hpp"
 #include "base/memory.hpp"
 
 #include <cmath>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 struct Vector {
     double x = 0, y = 0, z = 0;
@@ -50,4 +51,4 @@ struct Foot {
     }
 };
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 void build_graph(Span<const int32_t> faces, size_t vertices, Graph& graph, Budget& budget) {
     Array<uint32_t> starts(budget), ends(budget);
@@ -66,4 +66,4 @@ void apply_k(const Graph& graph, Span<const Vector> values, Span<Vector> product
     }
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -6,7 +6,7 @@
 
 #include "surface/geometry.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 struct Graph {
     explicit Graph(Budget& budget) : offsets(budget), neighbours(budget) {}
@@ -24,4 +24,4 @@ void build_graph(Span<const int32_t> faces, size_t vertices, Graph& graph, Budge
 void apply_k(const Graph& graph, Span<const double> values, Span<double> products);
 void apply_k(const Graph& graph, Span<const Vector> values, Span<Vector> products);
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -1,9 +1,11 @@
 // Logarithms that are the same on every machine, which those of C libraries are not: from + - * / alone.
 #pragma once
 
+#include "base/lanes.hpp"
+
 #include <cmath>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 constexpr double LOG_2 = 0.693147180559945309417;
 
@@ -25,4 +27,4 @@ inline double exponential(double value) {
     return std::ldexp(sum, exponent);
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cstdlib>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -143,4 +143,4 @@ Mirror find_mirror(Span<const int32_t> positions, Budget& budget) {
     return best;
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

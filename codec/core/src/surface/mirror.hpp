@@ -5,9 +5,10 @@
 // most frequent sum of the coordinates of two vertices that agree in the other two. O(n).
 #pragma once
 
+#include "base/lanes.hpp"
 #include "base/memory.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 // A plane across an axis: x + x' is `sum`, in finest steps, for a vertex x and its image x'.
 struct Mirror {
@@ -19,4 +20,4 @@ struct Mirror {
 // coordinates below 2^bits, at most 20, for each vertex, pairwise different.
 Mirror find_mirror(Span<const int32_t> positions, Budget& budget);
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -15,7 +15,7 @@ namespace {
 constexpr size_t FEWEST_VERTICES = 2000; // meshes of fewer have no previews: their levels take no longer to arrive
 constexpr size_t FEWEST_PREVIEW_VERTICES = 8;
 constexpr int FEWEST_BITS = 4;
-constexpr double TANGLED = 100;           // nodes visited for a point: a surface takes about 10 to 20
+constexpr double TANGLED = 150; // nodes visited for a point: a surface takes about 10 to 30, a fan of 20 000 slivers 75
 constexpr double STEP_PER_DISTANCE = 6.5; // longest step of a preview's grid, in root mean square distances of the fit
 constexpr double LARGEST_EXCESS = 1.5;    // vertices against those wanted: some meshes cannot be simplified that far
 constexpr double OCTREE_DISTANCE = 0.35;  // root mean square distance that an octree level shows, in sides of its cells
@@ -92,7 +92,7 @@ struct Original {
     void sampled(const ClosestPoints& of, size_t count, uint64_t seed, Array<Vector>& some) const {
         Array<Foot> feet(budget);
         feet.resize(count);
-        sample(of.surface(), of.order(), seed, feet.span());
+        sample(of.faces(), seed, feet.span());
         some.clear();
         for (const Foot& foot : feet) some.push(foot.on(of.surface()));
     }

@@ -5,7 +5,7 @@
 
 #include "surface/geometry.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 struct Quadric {
     double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, x = 0, y = 0, z = 0, one = 0;
@@ -50,4 +50,4 @@ inline QuadricMinimum minimum(const Quadric& q, Vector from, double pull) {
     return {value > 0.0 ? value : 0.0, from + Vector{dx, dy, dz}};
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

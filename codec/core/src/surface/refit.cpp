@@ -9,6 +9,8 @@ namespace meshtide::inline MESHTIDE_ISA {
 namespace {
 
 constexpr size_t ROUNDS = 3;
+constexpr size_t ROUGH_ROUNDS = 2;        // of these, with every second sample: the next one changes more than that
+constexpr size_t MEASURED_SAMPLES = 4000; // of either surface, for distances
 constexpr size_t ROUNDING_ROUNDS = 2;     // projections while vertices move on the grid
 constexpr size_t ROUNDING_PASSES = 20;    // over all vertices, after each projection; most end earlier
 constexpr size_t SAMPLES_PER_VERTEX = 12; // of either surface; more of them make it no closer
@@ -32,9 +34,9 @@ Refitter::Refitter(const ClosestPoints& original, Span<const int32_t> faces, siz
     : original_(original), faces_(faces), budget_(budget), samples_(budget), feet_(budget), own_(budget), back_(budget),
       planes_(budget), gradient_(budget), starts_(budget), corners_(budget) {
     size_t count = std::max(FEWEST_SAMPLES, SAMPLES_PER_VERTEX * vertices);
-    stiffness_ = STIFFNESS * 2.0 * static_cast<double>(count) / static_cast<double>(vertices);
+    full_stiffness_ = stiffness_ = STIFFNESS * 2.0 * static_cast<double>(count) / static_cast<double>(vertices);
     own_.resize(count);
-    sample(original.surface(), original.order(), SEED, own_.span());
+    sample(original.faces(), SEED, own_.span());
     samples_.resize(count);
     for (size_t i = 0; i < count; i++) samples_[i] = own_[i].on(original.surface());
     feet_.assign(count, Foot{});
@@ -53,7 +55,7 @@ Refitter::Refitter(const ClosestPoints& original, Span<const int32_t> faces, siz
 
 void Refitter::fit(Span<Vector> vertices) {
     for (size_t round = 0; round < ROUNDS; round++) {
-        project(vertices);
+        project(vertices, round < ROUGH_ROUNDS ? 2 : 1);
         solve(vertices);
     }
 }
@@ -76,7 +78,7 @@ void Refitter::round(Span<const Vector> vertices, double step, int32_t last, Arr
             placed[v] = Vector{static_cast<double>(grid[3 * v]), static_cast<double>(grid[3 * v + 1]),
                                static_cast<double>(grid[3 * v + 2])} *
                         step;
-        project(placed.span());
+        project(placed.span(), 1);
         for (size_t v = 0; v < vertices.size(); v++)
             gradient_[v] = gradient_[v] + (placed[v] - vertices[v]) * stiffness_;
         for (size_t pass = 0; pass < ROUNDING_PASSES; pass++)
@@ -85,26 +87,16 @@ void Refitter::round(Span<const Vector> vertices, double step, int32_t last, Arr
 }
 
 double Refitter::distance(Span<const Vector> vertices) {
-    ClosestPoints tree({vertices, faces_}, budget_);
-    Array<Vector> points(budget_);
-    sample_mesh(tree, points);
-    auto mean = [](const ClosestPoints& searched, Span<const Vector> from, Span<Foot> feet) {
-        searched.closest(from, feet);
-        double total = 0.0;
-        for (size_t i = 0; i < from.size(); i++) {
-            Vector apart = from[i] - feet[i].on(searched.surface());
-            total += dot(apart, apart);
-        }
-        return total / static_cast<double>(from.size());
-    };
-    double forth = mean(tree, samples_.span(), feet_.span()), back = mean(original_, points.span(), back_.span());
-    return std::sqrt(std::max(forth, back));
-}
-
-void Refitter::sample_mesh(const ClosestPoints& tree, Array<Vector>& points) {
-    sample(tree.surface(), tree.order(), SEED + 1, own_.span());
-    points.resize(own_.size());
-    for (size_t i = 0; i < points.size(); i++) points[i] = own_[i].on(tree.surface());
+    Surface mesh{vertices, faces_};
+    ClosestPoints tree(mesh, budget_);
+    sample(tree.faces(), SEED + 1, own_.span());
+    size_t stride = (samples_.size() + MEASURED_SAMPLES - 1) / MEASURED_SAMPLES, count = 0;
+    double forth = 0.0, back = 0.0;
+    for (size_t i = 0; i < samples_.size(); i += stride, count++) {
+        forth += tree.closest(samples_[i], hint(feet_, i, stride)).squared;
+        back += original_.closest(own_[i].on(mesh), hint(back_, i, stride)).squared;
+    }
+    return std::sqrt(std::max(forth, back) / static_cast<double>(count));
 }
 
 // Along a difference; where it is too short, along the normal of its foot's face.
@@ -115,23 +107,31 @@ Vector Refitter::direction(Vector difference, const Surface& surface, const Foot
     return normal * (1.0 / std::max(length(normal), CLOSE));
 }
 
-// The planes of the samples of both surfaces, with the vertices where they are.
-void Refitter::project(Span<const Vector> vertices) {
+// The planes of every `stride`-th sample of both surfaces, with the vertices where they are.
+void Refitter::project(Span<const Vector> vertices, size_t stride) {
     Surface mesh{vertices, faces_};
+    stiffness_ = full_stiffness_ / static_cast<double>(stride);
     ClosestPoints tree(mesh, budget_);
     planes_.assign(planes_.size(), FacePlanes{});
     gradient_.assign(gradient_.size(), Vector{});
-    tree.closest(samples_.span(), feet_.span());
-    for (size_t i = 0; i < samples_.size(); i++)
+    for (size_t i = 0; i < samples_.size(); i += stride) {
+        feet_[i] = tree.closest(samples_[i], hint(feet_, i, stride)).foot;
         add_plane(feet_[i], vertices, direction(samples_[i] - feet_[i].on(mesh), mesh, feet_[i]), samples_[i]);
-
-    Array<Vector> points(budget_);
-    sample_mesh(tree, points);
-    original_.closest(points.span(), back_.span());
-    for (size_t i = 0; i < points.size(); i++) {
-        Vector foot = back_[i].on(original_.surface());
-        add_plane(own_[i], vertices, direction(points[i] - foot, original_.surface(), back_[i]), foot);
     }
+    sample(tree.faces(), SEED + 1, own_.span());
+    for (size_t i = 0; i < own_.size(); i += stride) {
+        Vector point = own_[i].on(mesh);
+        back_[i] = original_.closest(point, hint(back_, i, stride)).foot;
+        Vector foot = back_[i].on(original_.surface());
+        add_plane(own_[i], vertices, direction(point - foot, original_.surface(), back_[i]), foot);
+    }
+}
+
+// Where to begin to search: where this sample was found before, or else the one before it.
+size_t Refitter::hint(const Array<Foot>& feet, size_t place, size_t stride) {
+    int32_t face = feet[place].face;
+    if (face < 0 && place >= stride) face = feet[place - stride].face;
+    return static_cast<size_t>(std::max(face, 0));
 }
 
 // A point of the mesh is to lie in the plane through another, across `direction` of length 1.

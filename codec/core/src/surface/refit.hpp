@@ -52,8 +52,8 @@ public:
     double distance(Span<const Vector> vertices);
 
 private:
-    void project(Span<const Vector> vertices);
-    void sample_mesh(const ClosestPoints& tree, Array<Vector>& points);
+    void project(Span<const Vector> vertices, size_t stride);
+    static size_t hint(const Array<Foot>& feet, size_t place, size_t stride);
     void add_plane(const Foot& foot, Span<const Vector> vertices, Vector direction, Vector through);
     void multiply(Span<const Vector> values, Span<Vector> products) const;
     void solve(Span<Vector> vertices);
@@ -63,11 +63,11 @@ private:
     const ClosestPoints& original_;
     Span<const int32_t> faces_;
     Budget& budget_;
-    double stiffness_;
-    Array<Vector> samples_; // of the original
-    Array<Foot> feet_;      // of those, on the mesh, when it was searched last: there the next search begins
-    Array<Foot> own_;       // samples of the mesh, by face and weights
-    Array<Foot> back_;      // of those, on the original
+    double full_stiffness_, stiffness_; // of springs, with all samples, and with those that are in use
+    Array<Vector> samples_;             // of the original
+    Array<Foot> feet_; // of those, on the mesh, when it was searched last: there the next search begins
+    Array<Foot> own_;  // samples of the mesh, by face and weights
+    Array<Foot> back_; // of those, on the original
     Array<FacePlanes> planes_;
     Array<Vector> gradient_;           // of half the sum of squares, at the vertices of the last projection
     Array<uint32_t> starts_, corners_; // of each vertex: its corners, 3 face + corner

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -97,4 +97,4 @@ void order_rings(Span<const int32_t> faces, size_t vertices, Rings& rings, Budge
     }
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -6,9 +6,10 @@
 // unsorted: time is O(faces * LONGEST_RING) whatever the input.
 #pragma once
 
+#include "base/lanes.hpp"
 #include "base/memory.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 constexpr size_t LONGEST_RING = 64;
 
@@ -24,4 +25,4 @@ struct Rings {
 // Of faces in canonical order, three corners each, below `vertices`.
 void order_rings(Span<const int32_t> faces, size_t vertices, Rings& rings, Budget& budget);
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

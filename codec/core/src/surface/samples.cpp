@@ -1,6 +1,6 @@
 #include "surface/samples.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -21,24 +21,23 @@ double element(uint64_t start, uint64_t step, uint64_t place) {
 
 } // namespace
 
-void sample(const Surface& surface, Span<const uint32_t> order, uint64_t seed, Span<Foot> samples) {
-    auto area = [&](size_t face) { return length(surface.normal(face)); };
+void sum_areas(const Surface& surface, Span<const uint32_t> order, Array<double>& areas) {
+    areas.resize(order.size());
     double total = 0.0;
-    for (uint32_t face : order) total += area(face);
-    bool flat = !(total > 0.0);
-    if (flat) total = static_cast<double>(order.size());
+    for (size_t i = 0; i < order.size(); i++) areas[i] = total += length(surface.normal(order[i]));
+    if (total > 0.0) return;
+    for (size_t i = 0; i < order.size(); i++) areas[i] = static_cast<double>(i + 1);
+}
+
+void sample(const OrderedFaces& faces, uint64_t seed, Span<Foot> samples) {
+    size_t last = faces.order.size() - 1, at = 0;
+    double share = faces.areas[last] / static_cast<double>(samples.size());
     uint64_t starts[3] = {mixed(3 * seed), mixed(3 * seed + 1), mixed(3 * seed + 2)};
-    double share = total / static_cast<double>(samples.size());
-    size_t at = 0;
-    double end = flat ? 1.0 : area(order[0]);
     for (size_t i = 0; i < samples.size(); i++) {
         double target = (static_cast<double>(i) + element(starts[0], STEPS[0], i)) * share;
-        while (at + 1 < order.size() && end < target) {
-            at++;
-            end += flat ? 1.0 : area(order[at]);
-        }
+        while (at < last && faces.areas[at] < target) at++;
         double root = std::sqrt(element(starts[1], STEPS[1], i)), across = element(starts[2], STEPS[2], i);
-        samples[i] = {static_cast<int32_t>(order[at]), root * (1.0 - across), root * across};
+        samples[i] = {static_cast<int32_t>(faces.order[at]), root * (1.0 - across), root * across};
     }
 }
 
@@ -60,4 +59,4 @@ void used_vertices(const Surface& surface, Span<const uint32_t> order, size_t li
     for (size_t i = 0; i < used.size(); i += stride) vertices.push(surface.vertices[static_cast<size_t>(used[i])]);
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <bit>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -318,7 +318,8 @@ void Simplifier::push(int32_t u, int32_t v) {
     heap_.push(entry);
     Entry* heap = heap_.begin();
     size_t place = heap_.size() - 1;
-    for (; place > 0 && entry < heap[(place - 1) / 4]; place = (place - 1) / 4) heap[place] = heap[(place - 1) / 4];
+    for (; place > 0 && entry.key < heap[(place - 1) / 4].key; place = (place - 1) / 4)
+        heap[place] = heap[(place - 1) / 4];
     heap[place] = entry;
 }
 
@@ -340,9 +341,8 @@ void Simplifier::sink(size_t place) {
         size_t child = 4 * place + 1;
         if (child >= size) break;
         size_t end = std::min(child + 4, size), least = child;
-        for (size_t i = child + 1; i < end; i++)
-            if (heap[i] < heap[least]) least = i;
-        if (!(heap[least] < entry)) break;
+        for (size_t i = child + 1; i < end; i++) least = heap[i].key < heap[least].key ? i : least;
+        if (!(heap[least].key < entry.key)) break;
         heap[place] = heap[least];
         place = least;
     }
@@ -357,4 +357,4 @@ void Simplifier::compact() {
     for (size_t i = kept / 4 + 1; i-- > 0;) sink(i);
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -8,13 +8,13 @@
 //
 // Faces may meet in any way. Collapses that turn a face over are put off, and those that glue sheets together are made
 // only when no others are left, so that meshes of many parts get as coarse as any. The queue is a heap whose outdated
-// entries are skipped; ties are broken by the vertices' numbers. O((n + m) log m).
+// entries are skipped. O((n + m) log m).
 #pragma once
 
 #include "surface/quadrics.hpp"
 #include "surface/triangles.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 class Simplifier {
 public:
@@ -30,13 +30,12 @@ private:
         Vector position;
         Quadric quadric;
     };
-    // An edge in the queue. The key is the cost as a float, whose bits rise as it does, then u.
+    // An edge in the queue. The key is the cost as a float, whose bits rise as it does, and u, which breaks ties.
     struct Entry {
         uint64_t key;
         int32_t v;
         uint32_t versions; // the sum of both when the cost was found: they only ever rise
         int32_t u() const { return static_cast<int32_t>(key & INT32_MAX); }
-        bool operator<(const Entry& other) const { return key != other.key ? key < other.key : v < other.v; }
     };
 
     void cluster(Span<const int32_t> positions, Span<const int32_t> faces, int bits, size_t fewest);
@@ -75,4 +74,4 @@ private:
     bool gluing_ = false;
 };
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

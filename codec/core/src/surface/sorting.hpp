@@ -1,11 +1,12 @@
 // Sorting of numbers that carry a place with them: stable, by counting.
 #pragma once
 
+#include "base/lanes.hpp"
 #include "base/memory.hpp"
 
 #include <algorithm>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 struct Keyed {
     uint64_t key; // of at most the bits that the sort is told
@@ -46,4 +47,4 @@ inline uint64_t morton_code(uint32_t x, uint32_t y, uint32_t z) {
     return spread_bits(x) << 2 | spread_bits(y) << 1 | spread_bits(z);
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
@@ -86,4 +86,4 @@ void drop_unused(Array<int32_t>& faces, size_t vertices, Array<int32_t>& used, B
     for (int32_t& v : faces) v = numbers[static_cast<size_t>(v)];
 }
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA

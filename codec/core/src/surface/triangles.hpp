@@ -3,7 +3,7 @@
 
 #include "surface/geometry.hpp"
 
-namespace meshtide {
+namespace meshtide::inline MESHTIDE_ISA {
 
 struct TriangleMesh {
     explicit TriangleMesh(Budget& budget) : vertices(budget), faces(budget) {}
@@ -29,4 +29,4 @@ void find_edges(Span<const int32_t> faces, size_t vertices, Array<Edge>& edges, 
 // `used`.
 void drop_unused(Array<int32_t>& faces, size_t vertices, Array<int32_t>& used, Budget& budget);
 
-} // namespace meshtide
+} // namespace meshtide::inline MESHTIDE_ISA
