@@ -73,9 +73,10 @@ def tell_cmake() -> None:
     """Names the compiler to CMake, in the way that environments do."""
     found = compiler()
     os.environ["CXX"] = found or f"{sys.executable} -m ziglang c++"
-    if found is None:  # what CMake tries out would make Zig build its C++ library once more, without optimization
-        known = "-DCMAKE_CXX_COMPILER_WORKS=ON -DCMAKE_CXX_ABI_COMPILED=ON"
-        os.environ["CMAKE_ARGS"] = f"{os.environ.get('CMAKE_ARGS', '')} {known}"
+    if found is None:  # what CMake asks a compiler would make Zig build its C++ library twice, once in vain
+        known = {"FORCED": "ON", "ID_RUN": "ON", "ID": "Clang", "VERSION": "22.1.8"}
+        told = [f"-DCMAKE_CXX_COMPILER_{name}={value}" for name, value in known.items()]
+        os.environ["CMAKE_ARGS"] = " ".join(filter(None, (os.environ.get("CMAKE_ARGS"), *told)))
 
 
 def build_wheel(folder: str, config_settings: Settings = None, metadata: str | None = None) -> str:
