@@ -65,7 +65,7 @@ void code_faces(Coder& coder, const Level& coarse, Level& fine, FacesModel<effor
         made.set_unit(unit);
         if constexpr (Coder::encoding) memory.truth.start(task.truth, fine.parents.span());
         bool done = made.run(faces);
-        if constexpr (Coder::encoding) memory.answered = made.every_gate_had_a_face();
+        if constexpr (Coder::encoding) memory.answered = made.every_gate_had_a_face(), memory.extra = made.had_extra();
         return done;
     };
     FacesTraits traits;
@@ -79,14 +79,15 @@ void code_faces(Coder& coder, const Level& coarse, Level& fine, FacesModel<effor
         Rehearsal rehearsal;
         for (bool clean : {true, false}) {
             copy.copy(model);
-            traits.clean = clean;
+            traits.clean = clean, traits.extra = !clean;
             if (walk(rehearsal, copy, traits)) break;
         }
-        traits.closed = memory.answered;
+        traits.closed = memory.answered, traits.extra = memory.extra;
     }
     traits.several = coder.code(32768, traits.several) != 0;
     traits.closed = coder.code(32768, traits.closed) != 0;
     traits.clean = coder.code(32768, traits.clean) != 0;
+    traits.extra = !traits.clean && coder.code(32768, traits.extra) != 0;
     walk(coder, model, traits);
 }
 

@@ -20,7 +20,7 @@ struct FacesMemory {
     CoarseMemory coarse;
     Array<int32_t> stack, later, within; // half-edges of gates
     TruthIndex truth;                    // encoder only
-    bool answered = false;
+    bool answered = false, extra = false;
     float doubt = 0;
     size_t several_limit = 2000000;
 };
@@ -30,6 +30,7 @@ struct FacesTraits {
     bool several = false; // edges of the coarse level have more than one face a side
     bool closed = false;  // every gate has a face among its candidates
     bool clean = false;   // nothing but gates and seeds is needed
+    bool extra = true;    // there are faces at edges that have their two
 };
 
 template <Effort effort, bool positions, class Coder>
@@ -52,7 +53,7 @@ public:
         run_gates();
         int32_t seed = 0, edge = 0;
         while (!failed_ && !front_.full()) {
-            if (!traits_.clean && code_extra(edge)) {
+            if (traits_.extra && code_extra(edge)) {
             } else if (next_seed(seed)) {
                 code_seed(seed);
             } else if (!traits_.clean) {
@@ -68,6 +69,7 @@ public:
         return true;
     }
     bool every_gate_had_a_face() const { return !unanswered_; }
+    bool had_extra() const { return had_extra_; }
 
 private:
     void note(int kind) { if constexpr (requires { coder_.note(kind); }) coder_.note(kind); }
@@ -125,12 +127,13 @@ private:
                 leave(behind, coarse_.first_child(q), coarse_.first_child(p), h);
             }
         }
-        if (!coarse_.several()) return;
+        if (!coarse_.any_crowded()) return;
         for (size_t t = 0; t < copied.size(); t++) {
             if (copied[t] == 0) continue;
             for (auto h = static_cast<int32_t>(4 * t); h < static_cast<int32_t>(4 * t + 3); h++) {
                 if (front_.twin(h) != NONE) continue;
                 int32_t p = coarse_.origin(h), q = coarse_.origin(next_half_edge(h));
+                if (!coarse_.crowded(q)) continue;
                 int32_t ahead = coarse_.edge(q, p);
                 if (ahead >= 0) leave(h, coarse_.first_child(p), coarse_.first_child(q), ahead);
             }
@@ -180,8 +183,8 @@ private:
         int32_t ahead1, ahead2;
         if (image >= 0) {
             coarse_.covered(image) = 1;
-            ahead2 = coarse_.several() ? ahead(r, q) : coarse_.twin(next_half_edge(image));
-            ahead1 = coarse_.several() ? ahead(p, r) : coarse_.twin(previous_half_edge(image));
+            ahead2 = coarse_.crowded(r) ? ahead(r, q) : coarse_.twin(next_half_edge(image));
+            ahead1 = coarse_.crowded(p) ? ahead(p, r) : coarse_.twin(previous_half_edge(image));
         } else if (r == q) {
             ahead2 = NONE, ahead1 = r == p ? NONE : gate.ahead;
         } else if (r == p) {
@@ -214,7 +217,7 @@ private:
     }
     void cover(int32_t p, int32_t q, int32_t r) {
         if (p == q || q == r || r == p) return;
-        coarse_.each_at(p, q, coarse_.several() ? NONE : coarse_.edge(p, q), [&](int32_t k) {
+        coarse_.each_at(p, q, coarse_.edge(p, q), [&](int32_t k) {
             if (coarse_.apex(k) == r) coarse_.covered(k) = 1;
         });
     }
@@ -434,13 +437,11 @@ private:
         candidates_.aim(half_edge, first, second);
         int32_t p = front_.parent(first), q = front_.parent(second);
         if (p != q) {
-            int32_t known_edge = coarse_.several() ? NONE : coarse_.edge(p, q);
-            for (int side = 0; side < 2; side++) {
-                coarse_.each_at(side == 0 ? p : q, side == 0 ? q : p,
-                                side == 0 || known_edge < 0 ? known_edge : coarse_.twin(known_edge), [&](int32_t k) {
-                                    add_children<true>(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
-                                });
-            }
+            auto see = [&](int32_t k) {
+                add_children<true>(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
+            };
+            coarse_.each_at(p, q, coarse_.edge(p, q), see);
+            coarse_.each_at(q, p, coarse_.edge(q, p), see);
             add_children<true>(p, SIBLING, first);
             add_children<true>(q, SIBLING, second);
         } else {
@@ -480,14 +481,14 @@ private:
             int faces = 0, uncovered = 0;
             if (shared) {
                 faces = std::max(coarse_.child_count(p) - 2, 0);
-            } else if (coarse_.several()) {
+            } else if (coarse_.crowded(p) || coarse_.crowded(q)) {
                 auto see = [&](int32_t k) {
                     faces++;
                     uncovered += coarse_.covered(k) == 0;
                     split = split || coarse_.split(coarse_.apex(k));
                 };
-                coarse_.each_at(p, q, NONE, see);
-                coarse_.each_at(q, p, NONE, see);
+                coarse_.each_at(p, q, coarse_.edge(p, q), see);
+                coarse_.each_at(q, p, coarse_.edge(q, p), see);
             }
             if (!split || faces == 0) continue;
             int32_t wanted = NONE;
@@ -508,6 +509,7 @@ private:
             int32_t apex = code_apex(first, second, Coder::encoding ? truth_.vertex(wanted, 2) : NONE);
             if constexpr (Coder::encoding) truth_.tell(wanted);
             add_loose(first, second, apex);
+            had_extra_ = true;
             return true;
         }
         return false;
@@ -602,7 +604,7 @@ private:
     TruthIndex& truth_;
     float unit_ = 1;
     size_t later_next_ = 0, within_next_ = 0;
-    bool failed_ = false, unanswered_ = false;
+    bool failed_ = false, unanswered_ = false, had_extra_ = false;
     int32_t last_leftover_ = 0;
 
 public:
