@@ -327,6 +327,9 @@ int main(int argc, char** argv) {
             for (auto n : {"sword_noMat", "seagulf", "riggedMesh"}) names.push_back(n);
         else names.push_back(a);
     }
+#ifdef ONLY_HIGH
+    return run<Effort::high, true>(names, train, runs, states, epochs);
+#endif
 #ifndef ONLY_STANDARD
     if (high) return classic ? 2 : run<Effort::high, true>(names, train, runs, states, epochs);
     if (classic) return run<Effort::standard, false>(names, train, runs, states, epochs);

@@ -3,6 +3,8 @@
 
 #include "faces/front.hpp"
 
+#include <algorithm>
+
 namespace meshtide::inline MESHTIDE_ISA {
 
 struct CoarseMemory {
@@ -68,7 +70,7 @@ public:
     // The half-edges p -> q, one of which is `known` unless that is NONE.
     template <class Visit>
     MESHTIDE_INLINE void each_at(int32_t p, int32_t q, int32_t known, Visit visit) const {
-        if (crowded(p))
+        if (crowded(p) || crowded(q) || (known < 0 && several_))
             each_listed(p, q, [&](int32_t h) {
                 visit(h);
                 return true;
@@ -98,6 +100,18 @@ public:
             h = twin(before);
             if (h < 0) visit(origin(before));
         } while (h >= 0 && h != head && ++step < 32);
+    }
+
+    // How many faces around p have no image yet, up to 7.
+    int uncovered_around(int32_t p) const {
+        int found = 0, step = 0;
+        int32_t head = heads_[static_cast<size_t>(p)], h = head;
+        if (head < 0) return found;
+        do {
+            found += covered(h) == 0;
+            h = twin(previous_half_edge(h));
+        } while (h >= 0 && h != head && ++step < 32);
+        return std::min(found, 7);
     }
 
 private:

@@ -38,14 +38,16 @@ struct FacesNeurons {
 
 template <Effort effort, bool positions>
 struct FacesModel {
-    using DecisionMixer = Mixer<1, 3, 4>;
+    static constexpr bool high = effort == Effort::high && positions;
+    using DecisionMixer = Mixer<high ? 5 : 1, 3, 4>;
 
     explicit FacesModel(Budget& budget) : scores(budget), contexts(budget), weights(budget), final_weights(budget) {
         scores.assign(ScorePlaces<effort, positions>::COUNT, 0);
-        contexts.assign(FacesContexts::COUNT, Context{});
+        contexts.assign(FacesContexts::COUNT + (high ? 9 * ScorePlaces<effort, positions>::COUNT : 0), Context{});
         weights.assign(FacesNeurons::COUNT * DecisionMixer::lanes, 0);
         for (size_t j = 0; j < FacesNeurons::COUNT; j++)
-            for (size_t i = 0; i < 8; i++) weights[j * DecisionMixer::lanes + i] = WEIGHT_ONE / 5;
+            for (size_t i = 0; i + 8 < DecisionMixer::lanes; i++)
+                if ((i & 8) == 0) weights[j * DecisionMixer::lanes + i] = high ? WEIGHT_ONE / 16 : WEIGHT_ONE / 5;
         final_weights.assign(FacesNeurons::FINAL * 8, WEIGHT_ONE / DecisionMixer::neuron_count);
     }
 

@@ -38,6 +38,7 @@ class FacesWalk {
     using Model = FacesModel<effort, positions>;
     using C = FacesContexts;
     using N = FacesNeurons;
+    static constexpr bool high = effort == Effort::high && positions;
 
 public:
     FacesWalk(Coder& coder, const Level& coarse, Level& fine, Model& model, FacesMemory& memory, FacesTraits traits)
@@ -97,6 +98,7 @@ private:
             rows[v] = splat(0);
             states[v] = {UNTOUCHED, NONE, 0, 0};
         }
+        if constexpr (high) m.angles.assign(n + 3, 0);
         front_.start(faces, std::max(faces, coarse_.face_count()));
         memory_.stack.clear();
         memory_.later.clear();
@@ -109,8 +111,12 @@ private:
         front_.copy(coarse_level_);
         Span<const uint8_t> copied = memory_.front.copied.span();
         Span<const int32_t> free_slots = memory_.front.free_slots.span();
-        for (size_t t = 0; t < copied.size(); t++)
-            if (copied[t] != 0) coarse_.covered(4 * static_cast<int32_t>(t)) = 1;
+        for (size_t t = 0; t < copied.size(); t++) {
+            if (copied[t] == 0) continue;
+            auto h = 4 * static_cast<int32_t>(t);
+            coarse_.covered(h) = 1;
+            if constexpr (high) front_.add_angles(front_.corner(h), front_.corner(h + 1), front_.corner(h + 2));
+        }
         if constexpr (Coder::encoding)
             for (size_t t = 0; t < copied.size(); t++)
                 if (copied[t] != 0) {
@@ -179,6 +185,7 @@ private:
         if (front_.vertex(apex).out >= 0) closing2 = front_.find_gate(apex, second);
         if (front_.vertex(apex).in >= 0) closing1 = front_.find_gate(first, apex);
         int32_t h = 4 * front_.add(first, second, apex);
+        if constexpr (high) front_.add_angles(first, second, apex);
         front_.join(h, k);
         int32_t ahead1, ahead2;
         if (image >= 0) {
@@ -205,6 +212,7 @@ private:
     void add_loose(int32_t a, int32_t b, int32_t c) {
         int32_t corners[3] = {a, b, c}, above[3] = {front_.parent(a), front_.parent(b), front_.parent(c)};
         int32_t h = 4 * front_.add(a, b, c);
+        if constexpr (high) front_.add_angles(a, b, c);
         cover(above[0], above[1], above[2]);
         for (int i = 0; i < 3; i++) {
             int j = i == 2 ? 0 : i + 1;
@@ -322,6 +330,7 @@ private:
         int32_t first = gate.to, second = gate.from;
         int32_t p = front_.parent(first), q = front_.parent(second);
         candidates_.aim(gate.half_edge, first, second);
+        if constexpr (high) tell_lack(p, q);
         if (p != q) {
             coarse_.each_at(p, q, gate.ahead,
                             [&](int32_t k) { add_children(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD); });
@@ -337,6 +346,7 @@ private:
     template <bool all = false>
     MESHTIDE_INLINE void add_children(int32_t p, Kind kind, int32_t near = NONE) {
         int32_t base = coarse_.first_child(p), size = coarse_.child_count(p);
+        if constexpr (high) candidates_.family_lack = lack(p);
         if (near >= 0) {
             if (size == 1) return;
             if (size > 32) { // only those around
@@ -345,6 +355,14 @@ private:
             }
         }
         candidates_.template add<all>(base, size, kind);
+    }
+
+    int lack(int32_t p) const {
+        return 8 * (std::min(coarse_.child_count(p), 3) - 1) + coarse_.uncovered_around(p);
+    }
+    void tell_lack(int32_t p, int32_t q) {
+        candidates_.first_lack = lack(p), candidates_.second_lack = lack(q);
+        candidates_.shared = p == q;
     }
 
     // The odds of a candidate against all the others: twice the logarithm, 0..31.
@@ -380,7 +398,16 @@ private:
         question.neurons[1] = N::GATE_CORNER + corner;
         question.neurons[2] = N::GATE_ODDS + odds_place;
         question.final_neuron = 8 + family;
+        if constexpr (high) add_places(question, C::COUNT + 8 * Candidates<effort, positions>::Places::COUNT, best, 1, 0);
         note(4 + static_cast<int>(std::min(family, 5u))); return mixer_.code(coder_, question, wanted);
+    }
+
+    // A context for each of a candidate's places.
+    template <class Question>
+    MESHTIDE_INLINE void add_places(Question& question, uint32_t from, int lane, uint32_t stride, uint32_t more) {
+        for (int j = 0; j < 16; j++)
+            question.contexts[4 + j] = from + stride * static_cast<uint32_t>(candidates_.places_of[j][lane]) + more;
+        for (int g = 1; g < 5; g++) question.opposed[g] = splat16(0);
     }
 
     // Which candidate it is. want: its lane (encoder). first_best: as found by find_best, with the rival.
@@ -427,6 +454,7 @@ private:
         question.neurons[1] = N::PICK_CORNER + corner;
         question.neurons[2] = N::PICK_ODDS + odds_place;
         question.final_neuron = t;
+        if constexpr (high) add_places(question, C::COUNT, best, 8, 4 * again + (odds_place >> 3));
         note(10 + std::min(turn, 3) + 4 * static_cast<int>(std::min(corner >> 3, 4u))); return mixer_.code(coder_, question, is);
     }
 
@@ -436,6 +464,7 @@ private:
     void gather_all(int32_t half_edge, int32_t first, int32_t second, bool refused) {
         candidates_.aim(half_edge, first, second);
         int32_t p = front_.parent(first), q = front_.parent(second);
+        if constexpr (high) tell_lack(p, q);
         if (p != q) {
             auto see = [&](int32_t k) {
                 add_children<true>(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
