@@ -200,7 +200,8 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
             for (size_t i = 0; i < order.size(); i++) order[i] = i;
             uint64_t seed = 1;
             for (int epoch = 0; epoch < epochs; epoch++) {
-                float rate = epoch < epochs / 3 ? 0.08f : epoch < 2 * epochs / 3 ? 0.03f : 0.01f;
+                float slower = 5 / static_cast<float>(terms);
+                float rate = slower * (epoch < epochs / 3 ? 0.08f : epoch < 2 * epochs / 3 ? 0.03f : 0.01f);
                 for (size_t i = order.size(); i > 1; i--) {
                     seed = seed * 6364136223846793005ull + 1442695040888963407ull;
                     std::swap(order[i - 1], order[(seed >> 33) % i]);
@@ -230,8 +231,8 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
                     std::printf("epoch %d: %.0f bytes in %zu choices\n", epoch, bits / 8, trace.choices.size());
             }
             for (size_t i = 0; i < scores.size(); i++) {
-                float nat = std::round(scores[i] * 369.33f / 16) * 16;
-                start.scores[i] = static_cast<int16_t>(std::max(-8000.0f, std::min(8000.0f, nat)));
+                float nat = std::round(scores[i] * 1477.3f / 64) * 64;
+                start.scores[i] = static_cast<int16_t>(std::max(-32000.0f, std::min(32000.0f, nat)));
             }
         }
         for (int round = 0; round < 3; round++) {

@@ -72,7 +72,7 @@ template <>
 struct ScorePlaces<Effort::high, false> : ScorePlaces<Effort::standard, false> {};
 
 constexpr int NO_SCORE = -100000000;
-constexpr float SCORE_LIMIT = 14000;
+constexpr int SCORE_RANGE = 5000; // below the best one, no candidate is worth less than this
 
 // Two to the power of a score in 256ths, linear between powers: the bits of a float are nearly its logarithm.
 MESHTIDE_INLINE F32x4 power(I32x4 score) {
@@ -175,7 +175,7 @@ public:
             score += term;
             store(places_of[j] + lanes, places[j]);
         }
-        score = (score & valid) | (splat32(NO_SCORE) & ~valid);
+        score = ((score >> 2) & valid) | (splat32(NO_SCORE) & ~valid);
         store(vertex_of + lanes, vertex);
         store(corner_of + lanes, corner);
         store(score_of + lanes, score);
@@ -191,16 +191,20 @@ public:
     // When all are there.
     void weigh() {
         if constexpr (high) look_inside();
+        I32x4 top = splat32(NO_SCORE);
+        for (int i = 0; i < lanes; i += 4) {
+            I32x4 score = load<I32x4>(score_of + i), higher = score > top;
+            top = (score & higher) | (top & ~higher);
+        }
+        I32x4 lowest = splat32(std::max(std::max(top[0], top[1]), std::max(top[2], top[3])) - SCORE_RANGE);
         F32x4 totals = splat(0);
         for (int i = 0; i < lanes; i += 4) {
             I32x4 score = load<I32x4>(score_of + i);
             I32x4 valid = score != splat32(NO_SCORE);
-            I32x4 limit = splat32(static_cast<int>(SCORE_LIMIT));
-            I32x4 over = score > limit, under = score < -limit;
-            score = (score & ~(over | under)) | (limit & over) | (-limit & under);
-            F32x4 weight = reinterpret_cast<F32x4>(reinterpret_cast<I32x4>(power(score)) & valid);
-            score = (score & valid) | (splat32(NO_SCORE) & ~valid);
-            store(score_of + i, score);
+            I32x4 under = score < lowest;
+            score = (score & ~under) | (lowest & under);
+            store(score_of + i, (score & valid) | (splat32(NO_SCORE) & ~valid));
+            F32x4 weight = reinterpret_cast<F32x4>(reinterpret_cast<I32x4>(power(score - lowest)) & valid);
             store(weight_of + i, weight);
             totals = totals + weight;
         }
@@ -250,17 +254,17 @@ public:
 
     // One step of the scores after a choice, with the weights that it was made with.
     void learn(int chosen, float all, const float* weights) {
-        constexpr float STEP = 20;
+        constexpr float PACE = high ? 28 : 80;
         for (int i = 0; i < lanes; i += 4) {
             F32x4 weight = load<F32x4>(weights + i);
             I32x4 here = splat32(chosen - i) == I32x4{0, 1, 2, 3};
             F32x4 one = reinterpret_cast<F32x4>(reinterpret_cast<I32x4>(splat(1.0f)) & here);
-            I32x4 step = truncate((one - weight / splat(all)) * splat(STEP));
+            I32x4 step = truncate((one - weight / splat(all)) * splat(PACE));
             for (int k = 0; k < 4; k++) {
                 if (step[k] == 0) continue;
                 for (int j = 0; j < TERMS; j++) {
                     int16_t& score = scores_[static_cast<size_t>(places_of[j][i + k])];
-                    score = static_cast<int16_t>(std::clamp(score + step[k], -8000, 8000));
+                    score = static_cast<int16_t>(std::clamp(score + step[k], -32000, 32000));
                 }
             }
         }
@@ -416,7 +420,7 @@ private:
             int margin = radius > 0 ? std::min(15, static_cast<int>(least_way / radius * 8.0f)) : 0;
             int32_t place = Places::INSIDE + (((corner_of[i] & 7) * 16 + margin) * 4 + std::min(inside, 3));
             places_of[15][i] = place;
-            score_of[i] += scores_[static_cast<size_t>(place)];
+            score_of[i] += scores_[static_cast<size_t>(place)] >> 2;
         }
     }
 
