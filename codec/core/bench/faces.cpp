@@ -17,14 +17,17 @@ struct Bench {
     std::unique_ptr<Octree> octree;
     std::vector<std::unique_ptr<Level>> levels; // with centres, parents and first children
     int last = 0;                               // the last depth with faces to code
-    explicit Bench(const std::string& path) : sample(load_sample(path)) {
+    explicit Bench(const std::string& path) : Bench(load_sample(path)) {}
+    explicit Bench(Sample from) : sample(std::move(from)) {
         octree = std::make_unique<Octree>(Span<const int32_t>(sample.positions.data(), sample.positions.size()),
                                           Span<const int32_t>(sample.faces.data(), sample.faces.size()), sample.bits,
                                           budget);
         for (int b = 0; b <= sample.bits; b++) {
             levels.push_back(std::make_unique<Level>(budget));
+            Array<int32_t> faces(budget); // levels get theirs from the layer itself
+            faces.swap(octree->depths[static_cast<size_t>(b)].faces);
             octree->make_level(b, *levels.back(), budget);
-            levels.back()->heads.assign(levels.back()->parents.size(), NONE);
+            faces.swap(octree->depths[static_cast<size_t>(b)].faces);
             bool leaves = true;
             for (uint8_t leaf : levels.back()->leaves) leaves = leaves && leaf != 0;
             if (!leaves && b < sample.bits) last = b + 1;
@@ -303,17 +306,154 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
     return 0;
 }
 
+uint64_t g_seed = 1;
+uint32_t chance(uint32_t below) {
+    g_seed = g_seed * 6364136223846793005ull + 1442695040888963407ull;
+    return static_cast<uint32_t>((g_seed >> 33) % below);
+}
+
+// Vertices at random, in Morton order, all different; faces as told by `face`, none twice.
+template <class Face>
+Sample make_sample(const char* name, int bits, size_t vertices, size_t faces, Face face) {
+    auto spread = [](uint64_t x) {
+        uint64_t out = 0;
+        for (int i = 0; i < 21; i++) out |= (x >> i & 1) << 3 * i;
+        return out;
+    };
+    Sample sample;
+    sample.name = name, sample.bits = bits;
+    std::vector<std::pair<uint64_t, std::array<int32_t, 3>>> places;
+    for (size_t i = 0; i < vertices; i++) {
+        std::array<int32_t, 3> p;
+        for (auto& x : p) x = static_cast<int32_t>(chance(1u << bits));
+        auto u = [&](size_t k) { return spread(static_cast<uint64_t>(p[k])); };
+        places.push_back({u(0) << 2 | u(1) << 1 | u(2), p});
+    }
+    std::sort(places.begin(), places.end());
+    places.erase(std::unique(places.begin(), places.end()), places.end());
+    for (auto& p : places) sample.positions.insert(sample.positions.end(), p.second.begin(), p.second.end());
+    auto n = static_cast<uint32_t>(places.size());
+    std::vector<std::array<int32_t, 3>> all;
+    for (size_t i = 0; i < faces; i++) {
+        std::array<int32_t, 3> f = face(static_cast<uint32_t>(i), n);
+        if (f[0] == f[1] || f[1] == f[2] || f[2] == f[0]) continue;
+        while (f[0] > f[1] || f[0] > f[2]) f = {f[1], f[2], f[0]};
+        all.push_back(f);
+    }
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    for (auto& f : all) sample.faces.insert(sample.faces.end(), f.begin(), f.end());
+    return sample;
+}
+
+template <Effort effort, bool positions>
+bool test_odd() {
+    using L = Layer<effort, positions>;
+    using F = std::array<int32_t, 3>;
+    auto any = [](uint32_t n) { return static_cast<int32_t>(chance(n)); };
+    std::vector<Sample> samples;
+    samples.push_back(make_sample("soup", 8, 300, 2000, [&](uint32_t, uint32_t n) { return F{any(n), any(n), any(n)}; }));
+    samples.push_back(make_sample("dense", 3, 40, 6000, [&](uint32_t, uint32_t n) { return F{any(n), any(n), any(n)}; }));
+    samples.push_back(make_sample("coarse", 1, 8, 500, [&](uint32_t, uint32_t n) { return F{any(n), any(n), any(n)}; }));
+    samples.push_back(make_sample("sparse", 9, 3000, 400, [&](uint32_t, uint32_t n) { return F{any(n), any(n), any(n)}; }));
+    samples.push_back(make_sample("none", 6, 500, 0, [&](uint32_t, uint32_t) { return F{0, 1, 2}; }));
+    samples.push_back(make_sample("opposite", 7, 200, 600, [&](uint32_t i, uint32_t n) {
+        auto a = static_cast<int32_t>(i / 2 * 7 % n), b = static_cast<int32_t>((i / 2 * 7 + 1) % n);
+        auto c = static_cast<int32_t>((i / 2 * 7 + 2) % n);
+        return (i & 1) != 0 ? F{a, b, c} : F{a, c, b};
+    }));
+    samples.push_back(make_sample("book", 12, 100002, 100000, [](uint32_t i, uint32_t n) {
+        return F{0, static_cast<int32_t>(n - 1), static_cast<int32_t>(1 + i % (n - 2))};
+    }));
+    samples.push_back(make_sample("fan", 12, 100002, 100000, [](uint32_t i, uint32_t n) {
+        return F{0, static_cast<int32_t>(1 + i % (n - 2)), static_cast<int32_t>(2 + i % (n - 2))};
+    }));
+    samples.push_back(make_sample("fan soup", 12, 20000, 60000, [&](uint32_t, uint32_t n) { return F{0, any(n), any(n)}; }));
+    bool all = true;
+    for (auto& sample : samples) {
+        Bench bench(sample);
+        Budget budget(PLENTY);
+        FacesMemory memory(budget);
+        typename L::Model model(budget), fresh(budget);
+        L layer;
+        double time = seconds();
+        layer.template encode<RangeEncoder>(bench, model, memory);
+        double encoding = seconds() - time;
+        bool good = layer.check(bench);
+        model.copy(fresh);
+        time = seconds();
+        layer.decode(bench, model, memory);
+        time = seconds() - time;
+        good = good && layer.check(bench);
+        std::printf("%-10s %s: %zu vertices, %zu faces, %zu bytes, encode %.0f ms, decode %.0f ms\n", sample.name.c_str(),
+                    good ? "ok" : "WRONG", sample.positions.size() / 3, sample.faces.size() / 3, layer.bytes(),
+                    encoding * 1e3, time * 1e3);
+        std::fflush(stdout);
+        all = all && good;
+    }
+    return all;
+}
+
+// Damaged payloads: decoded to something, or refused, within time and memory.
+template <Effort effort, bool positions>
+void test_damage(const std::vector<std::string>& names, int rounds) {
+    using L = Layer<effort, positions>;
+    for (auto& name : names) {
+        Bench bench("/tmp/wt/data/" + name + ".mesh");
+        L layer;
+        Budget budget(PLENTY);
+        typename L::Model start(budget), model(budget);
+        FacesMemory memory(budget);
+        model.copy(start);
+        layer.template encode<RangeEncoder>(bench, model, memory);
+        int refused = 0;
+        double longest = 0;
+        uint64_t peak = 0;
+        std::vector<Array<uint8_t>> whole;
+        for (auto& p : layer.payloads) {
+            whole.emplace_back(budget);
+            whole.back().copy(p.span());
+        }
+        for (int round = 0; round < rounds; round++) {
+            for (size_t i = 0; i < whole.size(); i++) layer.payloads[i].copy(whole[i].span());
+            for (uint32_t k = 0; k <= chance(4); k++) {
+                auto& p = layer.payloads[chance(static_cast<uint32_t>(whole.size()))];
+                if (p.empty()) continue;
+                uint8_t& byte = p[chance(static_cast<uint32_t>(p.size()))];
+                byte = static_cast<uint8_t>(byte ^ 1u << chance(8));
+            }
+            Budget limit(1 << 28);
+            FacesMemory small(limit);
+            model.copy(start);
+            double time = seconds();
+            try {
+                layer.decode(bench, model, small);
+            } catch (const Failure& failure) {
+                refused++;
+                if (failure.fault != Fault::malformed) std::printf("  fault %d: %s\n", static_cast<int>(failure.fault), failure.text);
+            }
+            longest = std::max(longest, seconds() - time);
+            peak = std::max(peak, limit.peak());
+        }
+        std::printf("%s: %d of %d damaged refused, the longest took %.0f ms, %.1f MB\n", name.c_str(), refused, rounds,
+                    longest * 1e3, static_cast<double>(peak) / 1e6);
+    }
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
     bool train = false, high = false, classic = false;
-    int runs = 0, epochs = 12;
+    bool odd = false;
+    int damage = 0, runs = 0, epochs = 12;
     std::string states = "faces.bin";
     std::vector<std::string> names;
     for (int i = 1; i < argc; i++) {
         std::string a = argv[i];
         if (a == "-t") train = true;
         else if (a == "-e") epochs = std::atoi(argv[++i]);
+        else if (a == "-o") odd = true;
+        else if (a == "-z") damage = std::atoi(argv[++i]);
         else if (a == "-v") g_stat = true;
         else if (a == "-h") high = true;
         else if (a == "-c") classic = true;
@@ -327,6 +467,22 @@ int main(int argc, char** argv) {
         else if (a == "-glb")
             for (auto n : {"sword_noMat", "seagulf", "riggedMesh"}) names.push_back(n);
         else names.push_back(a);
+    }
+    if (odd) {
+        bool good = test_odd<Effort::standard, true>();
+#ifndef ONLY_STANDARD
+        good = test_odd<Effort::standard, false>() && good;
+        good = test_odd<Effort::high, true>() && good;
+#endif
+        return good ? 0 : 1;
+    }
+    if (damage > 0) {
+        test_damage<Effort::standard, true>(names, damage);
+#ifndef ONLY_STANDARD
+        test_damage<Effort::standard, false>(names, damage);
+        test_damage<Effort::high, true>(names, damage);
+#endif
+        return 0;
     }
 #ifdef ONLY_HIGH
     return run<Effort::high, true>(names, train, runs, states, epochs);

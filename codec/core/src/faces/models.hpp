@@ -39,7 +39,7 @@ struct FacesNeurons {
 template <Effort effort, bool positions>
 struct FacesModel {
     static constexpr bool high = effort == Effort::high && positions;
-    using DecisionMixer = Mixer<high ? 5 : 1, 3, 4>;
+    using DecisionMixer = Mixer<high ? 5 : 1, 3, high ? 5 : 4>;
 
     explicit FacesModel(Budget& budget) : scores(budget), contexts(budget), weights(budget), final_weights(budget) {
         scores.assign(ScorePlaces<effort, positions>::COUNT, 0);
