@@ -1,6 +1,7 @@
 // Bench of the faces layer: bytes, time, training, damaged payloads.
-#include "layers.hpp"
 #include "faces/faces.hpp"
+
+#include "layers.hpp"
 
 #include <cmath>
 #include <map>
@@ -64,21 +65,6 @@ struct WatchingEncoder : RangeEncoder {
         trace.choices.push_back(choice);
     }
 };
-
-float g_doubt = 0;
-double g_bits[40];
-double g_count[40];
-struct CountingEncoder : RangeEncoder {
-    using RangeEncoder::RangeEncoder;
-    int kind = 30;
-    void note(int k) { kind = k; }
-    int code(uint32_t p, int bit) {
-        g_bits[kind] -= std::log2((bit != 0 ? p : 65536 - p) / 65536.0), g_count[kind]++;
-        return RangeEncoder::code(p, bit);
-    }
-};
-bool g_stat = false;
-
 
 template <Effort effort, bool positions>
 struct Layer {
@@ -148,14 +134,28 @@ struct Layer {
     }
 };
 
-const std::map<std::string, std::pair<int, int>> TODAY = {
-    {"armadillo", {14022, 12403}}, {"beetle-alt", {9078, 7271}}, {"casting", {1897, 1461}}, {"fandisk", {1303, 1114}},
-    {"harley", {5513, 4511}}, {"homer", {2358, 1973}}, {"horse-quad", {761, 653}}, {"nefertiti-rgb", {5393, 4614}},
-    {"rocker-arm", {3252, 2925}}, {"spot", {758, 652}}, {"cannon", {791, 599}}, {"emoji_heart", {539, 468}},
-    {"frostAxe_noMorph", {1062, 889}}, {"greySnapper_vertColor", {1100, 880}}, {"marineGround", {542, 408}},
-    {"riggedMesh", {4311, 3598}}, {"runeSword", {1544, 1256}}, {"seagulf", {9166, 7476}}, {"sword_noMat", {1351, 1113}},
-    {"stanford-bunny", {8051, 6703}}, {"truck", {3037, 2548}},
-    {"underwaterScene", {25119, 20761}}};
+const std::map<std::string, std::pair<int, int>> TODAY = {{"armadillo", {14022, 12403}},
+                                                          {"beetle-alt", {9078, 7271}},
+                                                          {"casting", {1897, 1461}},
+                                                          {"fandisk", {1303, 1114}},
+                                                          {"harley", {5513, 4511}},
+                                                          {"homer", {2358, 1973}},
+                                                          {"horse-quad", {761, 653}},
+                                                          {"nefertiti-rgb", {5393, 4614}},
+                                                          {"rocker-arm", {3252, 2925}},
+                                                          {"spot", {758, 652}},
+                                                          {"cannon", {791, 599}},
+                                                          {"emoji_heart", {539, 468}},
+                                                          {"frostAxe_noMorph", {1062, 889}},
+                                                          {"greySnapper_vertColor", {1100, 880}},
+                                                          {"marineGround", {542, 408}},
+                                                          {"riggedMesh", {4311, 3598}},
+                                                          {"runeSword", {1544, 1256}},
+                                                          {"seagulf", {9166, 7476}},
+                                                          {"sword_noMat", {1351, 1113}},
+                                                          {"stanford-bunny", {8051, 6703}},
+                                                          {"truck", {3037, 2548}},
+                                                          {"underwaterScene", {25119, 20761}}};
 
 template <class T>
 void write_array(FILE* file, const Array<T>& array) {
@@ -174,8 +174,8 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
     Model start(budget);
     if (!train || epochs < 0) {
         if (FILE* file = std::fopen(states.c_str(), "rb")) {
-            if (!(read_array(file, start.scores) && read_array(file, start.contexts) && read_array(file, start.weights) &&
-                  read_array(file, start.final_weights)))
+            if (!(read_array(file, start.scores) && read_array(file, start.contexts) &&
+                  read_array(file, start.weights) && read_array(file, start.final_weights)))
                 std::printf("states do not fit\n");
             std::fclose(file);
         }
@@ -183,7 +183,6 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
     std::vector<std::unique_ptr<Bench>> benches;
     for (auto& name : names) benches.push_back(std::make_unique<Bench>("/tmp/wt/data/" + name + ".mesh"));
     FacesMemory memory(budget);
-    memory.doubt = g_doubt;
     if (train) {
         Trace trace;
         std::vector<float> scores(start.scores.size());
@@ -273,13 +272,6 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
         double time = seconds();
         layer.template encode<RangeEncoder>(*bench, model, memory);
         double encoding = seconds() - time, best = 1e9;
-        if (g_stat) {
-            std::fill(g_bits, g_bits + 40, 0), std::fill(g_count, g_count + 40, 0);
-            model.copy(start);
-            layer.template encode<CountingEncoder>(*bench, model, memory);
-            for (int i = 0; i < 40; i++)
-                if (g_count[i] > 0) std::printf("  %d: %.0f bytes in %.0f\n", i, g_bits[i] / 8, g_count[i]);
-        }
         bool good = layer.check(*bench);
         for (int r = 0; r < runs; r++) {
             model.copy(start);
@@ -352,10 +344,18 @@ bool test_odd() {
     using F = std::array<int32_t, 3>;
     auto any = [](uint32_t n) { return static_cast<int32_t>(chance(n)); };
     std::vector<Sample> samples;
-    samples.push_back(make_sample("soup", 8, 300, 2000, [&](uint32_t, uint32_t n) { return F{any(n), any(n), any(n)}; }));
-    samples.push_back(make_sample("dense", 3, 40, 6000, [&](uint32_t, uint32_t n) { return F{any(n), any(n), any(n)}; }));
-    samples.push_back(make_sample("coarse", 1, 8, 500, [&](uint32_t, uint32_t n) { return F{any(n), any(n), any(n)}; }));
-    samples.push_back(make_sample("sparse", 9, 3000, 400, [&](uint32_t, uint32_t n) { return F{any(n), any(n), any(n)}; }));
+    samples.push_back(make_sample("soup", 8, 300, 2000, [&](uint32_t, uint32_t n) {
+        return F{any(n), any(n), any(n)};
+    }));
+    samples.push_back(make_sample("dense", 3, 40, 6000, [&](uint32_t, uint32_t n) {
+        return F{any(n), any(n), any(n)};
+    }));
+    samples.push_back(make_sample("coarse", 1, 8, 500, [&](uint32_t, uint32_t n) {
+        return F{any(n), any(n), any(n)};
+    }));
+    samples.push_back(make_sample("sparse", 9, 3000, 400, [&](uint32_t, uint32_t n) {
+        return F{any(n), any(n), any(n)};
+    }));
     samples.push_back(make_sample("none", 6, 500, 0, [&](uint32_t, uint32_t) { return F{0, 1, 2}; }));
     samples.push_back(make_sample("opposite", 7, 200, 600, [&](uint32_t i, uint32_t n) {
         auto a = static_cast<int32_t>(i / 2 * 7 % n), b = static_cast<int32_t>((i / 2 * 7 + 1) % n);
@@ -368,7 +368,9 @@ bool test_odd() {
     samples.push_back(make_sample("fan", 12, 100002, 100000, [](uint32_t i, uint32_t n) {
         return F{0, static_cast<int32_t>(1 + i % (n - 2)), static_cast<int32_t>(2 + i % (n - 2))};
     }));
-    samples.push_back(make_sample("fan soup", 12, 20000, 60000, [&](uint32_t, uint32_t n) { return F{0, any(n), any(n)}; }));
+    samples.push_back(make_sample("fan soup", 12, 20000, 60000, [&](uint32_t, uint32_t n) {
+        return F{0, any(n), any(n)};
+    }));
     bool all = true;
     for (auto& sample : samples) {
         Bench bench(sample);
@@ -385,9 +387,9 @@ bool test_odd() {
         layer.decode(bench, model, memory);
         time = seconds() - time;
         good = good && layer.check(bench);
-        std::printf("%-10s %s: %zu vertices, %zu faces, %zu bytes, encode %.0f ms, decode %.0f ms\n", sample.name.c_str(),
-                    good ? "ok" : "WRONG", sample.positions.size() / 3, sample.faces.size() / 3, layer.bytes(),
-                    encoding * 1e3, time * 1e3);
+        std::printf("%-10s %s: %zu vertices, %zu faces, %zu bytes, encode %.0f ms, decode %.0f ms\n",
+                    sample.name.c_str(), good ? "ok" : "WRONG", sample.positions.size() / 3, sample.faces.size() / 3,
+                    layer.bytes(), encoding * 1e3, time * 1e3);
         std::fflush(stdout);
         all = all && good;
     }
@@ -430,7 +432,8 @@ void test_damage(const std::vector<std::string>& names, int rounds) {
                 layer.decode(bench, model, small);
             } catch (const Failure& failure) {
                 refused++;
-                if (failure.fault != Fault::malformed) std::printf("  fault %d: %s\n", static_cast<int>(failure.fault), failure.text);
+                if (failure.fault != Fault::malformed)
+                    std::printf("  fault %d: %s\n", static_cast<int>(failure.fault), failure.text);
             }
             longest = std::max(longest, seconds() - time);
             peak = std::max(peak, limit.peak());
@@ -450,23 +453,30 @@ int main(int argc, char** argv) {
     std::vector<std::string> names;
     for (int i = 1; i < argc; i++) {
         std::string a = argv[i];
-        if (a == "-t") train = true;
-        else if (a == "-e") epochs = std::atoi(argv[++i]);
-        else if (a == "-o") odd = true;
-        else if (a == "-z") damage = std::atoi(argv[++i]);
-        else if (a == "-v") g_stat = true;
-        else if (a == "-h") high = true;
-        else if (a == "-c") classic = true;
-        else if (a == "-d") g_doubt = static_cast<float>(std::atof(argv[++i]));
-        else if (a == "-r") runs = std::atoi(argv[++i]);
-        else if (a == "-s") states = argv[++i];
+        if (a == "-t")
+            train = true;
+        else if (a == "-e")
+            epochs = std::atoi(argv[++i]);
+        else if (a == "-o")
+            odd = true;
+        else if (a == "-z")
+            damage = std::atoi(argv[++i]);
+        else if (a == "-h")
+            high = true;
+        else if (a == "-c")
+            classic = true;
+        else if (a == "-r")
+            runs = std::atoi(argv[++i]);
+        else if (a == "-s")
+            states = argv[++i];
         else if (a == "-12")
             for (auto n : {"armadillo", "beetle-alt", "casting", "fandisk", "harley", "homer", "horse-quad",
                            "nefertiti-rgb", "rocker-arm", "spot", "stanford-bunny", "truck"})
                 names.push_back(n);
         else if (a == "-glb")
             for (auto n : {"sword_noMat", "seagulf", "riggedMesh"}) names.push_back(n);
-        else names.push_back(a);
+        else
+            names.push_back(a);
     }
     if (odd) {
         bool good = test_odd<Effort::standard, true>();

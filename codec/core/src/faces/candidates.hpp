@@ -18,11 +18,11 @@ constexpr int LANE_LIMIT = 4 * BLOCK_LIMIT;
 
 // Where a candidate comes from.
 enum Kind {
-    AHEAD = 0,     // a child of the apex of the coarse face that lies ahead
-    COVERED = 1,   // the same, but the coarse face has an image already
-    SIBLING = 2,   // another child of the parents of the gate's ends
-    WITHIN = 3,    // another child of the parent, at a gate inside of one cell
-    AROUND = 4,    // a child of a cell around that
+    AHEAD = 0,   // a child of the apex of the coarse face that lies ahead
+    COVERED = 1, // the same, but the coarse face has an image already
+    SIBLING = 2, // another child of the parents of the gate's ends
+    WITHIN = 3,  // another child of the parent, at a gate inside of one cell
+    AROUND = 4,  // a child of a cell around that
 };
 constexpr int KINDS = 5;
 // A candidate's corner: 8 kind + [it has faces] + 2 [it closes the edge at `first`] + 4 [at `second`].
@@ -75,9 +75,7 @@ constexpr int NO_SCORE = -100000000;
 constexpr int SCORE_RANGE = 5000; // below the best one, no candidate is worth less than this
 
 // Two to the power of a score in 256ths, linear between powers: the bits of a float are nearly its logarithm.
-MESHTIDE_INLINE F32x4 power(I32x4 score) {
-    return reinterpret_cast<F32x4>((score << 15) + splat32(127 << 23));
-}
+MESHTIDE_INLINE F32x4 power(I32x4 score) { return reinterpret_cast<F32x4>((score << 15) + splat32(127 << 23)); }
 // The other way round.
 MESHTIDE_INLINE int logarithm(float x) { return (std::bit_cast<int32_t>(x) - (127 << 23)) >> 15; }
 
@@ -88,13 +86,13 @@ public:
     static constexpr int TERMS = Places::TERMS;
     static constexpr bool high = effort == Effort::high && positions;
 
-    int32_t first, second, known;                // of the gate: the new face begins with first, second
-    int32_t closing_first, closing_second;       // the vertices that would close the edges at its ends, or NONE
-    int lanes = 0, count = 0;                    // lanes in use; candidates in them
-    float total = 0;                             // of the weights
+    int32_t first, second, known;          // of the gate: the new face begins with first, second
+    int32_t closing_first, closing_second; // the vertices that would close the edges at its ends, or NONE
+    int lanes = 0, count = 0;              // lanes in use; candidates in them
+    float total = 0;                       // of the weights
     int32_t vertex_of[LANE_LIMIT];
     int32_t corner_of[LANE_LIMIT];
-    int32_t score_of[LANE_LIMIT];                // NO_SCORE: there is no candidate in this lane
+    int32_t score_of[LANE_LIMIT]; // NO_SCORE: there is no candidate in this lane
     float weight_of[LANE_LIMIT];
     int32_t places_of[TERMS][LANE_LIMIT];
     static constexpr int FAN_LIMIT = 8;
@@ -366,9 +364,11 @@ private:
             auto turn = [](F32x4 sum) { return truncate(least(sum * splat(12.0f), splat(31.0f))); };
             places[6] = splat32(Places::TURN_APEX) + (((flags << 3) + faces) << 5) +
                         turn(load<F32x4>(front_.four_angles(base)) + at3);
-            places[7] = splat32(Places::TURN_END) + (((closes1 << 3) + splat32(std::min(front_.vertex(first).degree, 7))) << 5) +
+            places[7] = splat32(Places::TURN_END) +
+                        (((closes1 << 3) + splat32(std::min(front_.vertex(first).degree, 7))) << 5) +
                         turn(splat(front_.angle(first)) + at1);
-            places[8] = splat32(Places::TURN_END) + (((closes2 << 3) + splat32(std::min(front_.vertex(second).degree, 7))) << 5) +
+            places[8] = splat32(Places::TURN_END) +
+                        (((closes2 << 3) + splat32(std::min(front_.vertex(second).degree, 7))) << 5) +
                         turn(splat(front_.angle(second)) + at2);
             // The new normal, side x d, against those of the faces at edges that close.
             F32x4 nx = sy_ * dz - sz_ * dy, ny = sz_ * dx - sx_ * dz, nz = sx_ * dy - sy_ * dx;
@@ -410,10 +410,10 @@ private:
             F32x4 nearest = splat(4.0f) * splat(radius);
             int inside = 0;
             for (int j = 0; j < lanes && j < 32; j += 4) {
-                F32x4 x = load<F32x4>(dx_of_ + j) - cx, y = load<F32x4>(dy_of_ + j) - cy, z = load<F32x4>(dz_of_ + j) - cz;
+                F32x4 x = load<F32x4>(dx_of_ + j) - cx, y = load<F32x4>(dy_of_ + j) - cy,
+                      z = load<F32x4>(dz_of_ + j) - cz;
                 F32x4 way = x * x + y * y + z * z;
-                I32x4 other = (load<I32x4>(score_of + j) != splat32(NO_SCORE)) &
-                              (splat32(i - j) != I32x4{0, 1, 2, 3});
+                I32x4 other = (load<I32x4>(score_of + j) != splat32(NO_SCORE)) & (splat32(i - j) != I32x4{0, 1, 2, 3});
                 inside += std::popcount(static_cast<unsigned>(signs((way < splat(radius * 0.96875f)) & other)));
                 way = reinterpret_cast<F32x4>((reinterpret_cast<I32x4>(way) & other) |
                                               (reinterpret_cast<I32x4>(nearest) & ~other));

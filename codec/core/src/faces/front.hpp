@@ -15,8 +15,8 @@ struct Gate {
     int32_t next_out, previous_out, next_in, previous_in; // lists of gates that leave `from`, and that reach `to`
 };
 
-constexpr int32_t UNTOUCHED = -2;  // in VertexState::out: a vertex without faces
-constexpr int SEARCH_LIMIT = 64;   // steps of a search around a vertex or an edge
+constexpr int32_t UNTOUCHED = -2; // in VertexState::out: a vertex without faces
+constexpr int SEARCH_LIMIT = 64;  // steps of a search around a vertex or an edge
 
 struct VertexState {
     int32_t out, in; // the newest gates that leave it, and that reach it; NONE, or UNTOUCHED

@@ -32,14 +32,16 @@ struct FacesNeurons {
     static constexpr uint32_t GATE_FAMILY = PICK_ODDS + ODDS;
     static constexpr uint32_t GATE_CORNER = GATE_FAMILY + 64;
     static constexpr uint32_t GATE_ODDS = GATE_CORNER + CORNERS;
-    static constexpr uint32_t COUNT = GATE_ODDS + ODDS;
+    static constexpr uint32_t PICK_MARGIN = GATE_ODDS + ODDS; // high only, as the next
+    static constexpr uint32_t GATE_SCORE = PICK_MARGIN + 32;
+    static constexpr uint32_t COUNT = GATE_SCORE + 32;
     static constexpr uint32_t FINAL = 16;
 };
 
 template <Effort effort, bool positions>
 struct FacesModel {
     static constexpr bool high = effort == Effort::high && positions;
-    using DecisionMixer = Mixer<high ? 5 : 1, 3, high ? 5 : 4>;
+    using DecisionMixer = Mixer<high ? 5 : 1, high ? 4 : 3, high ? 5 : 4>;
 
     explicit FacesModel(Budget& budget) : scores(budget), contexts(budget), weights(budget), final_weights(budget) {
         scores.assign(ScorePlaces<effort, positions>::COUNT, 0);

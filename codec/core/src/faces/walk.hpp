@@ -21,7 +21,6 @@ struct FacesMemory {
     Array<int32_t> stack, later, within; // half-edges of gates
     TruthIndex truth;                    // encoder only
     bool answered = false, extra = false;
-    float doubt = 0;
     size_t several_limit = 2000000;
 };
 
@@ -39,6 +38,8 @@ class FacesWalk {
     using C = FacesContexts;
     using N = FacesNeurons;
     static constexpr bool high = effort == Effort::high && positions;
+    // A gate whose best candidate has no more than this share of the weights waits.
+    static constexpr float DOUBT = high ? 0.6f : 0;
 
 public:
     FacesWalk(Coder& coder, const Level& coarse, Level& fine, Model& model, FacesMemory& memory, FacesTraits traits)
@@ -73,9 +74,10 @@ public:
     bool had_extra() const { return had_extra_; }
 
 private:
-    void note(int kind) { if constexpr (requires { coder_.note(kind); }) coder_.note(kind); }
-    int code(uint32_t place, bool bit) { note(place < C::ESCAPE ? 0 : place < C::ESCAPE + 8 ? 31 : place < C::ESCAPE + 16 ? 32 : place < C::EXTRA ? 1 : place < C::SEED ? 2 : 3); return code_bit(coder_, contexts_[place], bit ? 1 : 0); }
-    Span<Context> number(uint32_t which) { return contexts_.part(C::NUMBERS + which * SIGNED_CONTEXTS, SIGNED_CONTEXTS); }
+    int code(uint32_t place, bool bit) { return code_bit(coder_, contexts_[place], bit ? 1 : 0); }
+    Span<Context> number(uint32_t which) {
+        return contexts_.part(C::NUMBERS + which * SIGNED_CONTEXTS, SIGNED_CONTEXTS);
+    }
 
     void prepare(size_t faces) {
         size_t n = fine_.parents.size();
@@ -146,7 +148,9 @@ private:
         }
     }
     void tell_copy(int32_t a, int32_t b, int32_t c) {
-        int32_t face = b < a && b < c ? truth_.find(b, c, a) : c < a && c < b ? truth_.find(c, a, b) : truth_.find(a, b, c);
+        int32_t face = b < a && b < c   ? truth_.find(b, c, a)
+                       : c < a && c < b ? truth_.find(c, a, b)
+                                        : truth_.find(a, b, c);
         if (face >= 0) truth_.tell(face);
     }
 
@@ -291,7 +295,7 @@ private:
             int want = Coder::encoding && wanted >= 0 ? candidates_.find(apex) : NONE;
             if (candidates_.count == 0) continue;
             auto [best, rival] = candidates_.find_best();
-            if (!late && candidates_.weight_of[best] < memory_.doubt * candidates_.total) {
+            if (!late && candidates_.weight_of[best] < DOUBT * candidates_.total) {
                 memory_.later.push(gate.half_edge);
                 return;
             }
@@ -332,8 +336,9 @@ private:
         candidates_.aim(gate.half_edge, first, second);
         if constexpr (high) tell_lack(p, q);
         if (p != q) {
-            coarse_.each_at(p, q, gate.ahead,
-                            [&](int32_t k) { add_children(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD); });
+            coarse_.each_at(p, q, gate.ahead, [&](int32_t k) {
+                add_children(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
+            });
             add_children(p, SIBLING, first);
             add_children(q, SIBLING, second);
         } else if (phase == 0) {
@@ -357,9 +362,7 @@ private:
         candidates_.template add<all>(base, size, kind);
     }
 
-    int lack(int32_t p) const {
-        return 8 * (std::min(coarse_.child_count(p), 3) - 1) + coarse_.uncovered_around(p);
-    }
+    int lack(int32_t p) const { return 8 * (std::min(coarse_.child_count(p), 3) - 1) + coarse_.uncovered_around(p); }
     void tell_lack(int32_t p, int32_t q) {
         candidates_.first_lack = lack(p), candidates_.second_lack = lack(q);
         candidates_.shared = p == q;
@@ -383,10 +386,11 @@ private:
         if (phase == 2) family = 5 + shared;
         uint32_t split = ((a.split | b.split) & 1) != 0;
         auto count = static_cast<uint32_t>(std::min(candidates_.count - 1, 3));
+        uint32_t place = C::GATE + (((family * 3 + borders) * 3 + z) * 4 + count) * 2 + split;
         auto score = static_cast<uint32_t>(std::clamp((candidates_.score_of[best] >> 7) + 16, 0, 31));
         int odds = odds_of(best);
         auto odds_place = static_cast<uint32_t>(odds_class(odds));
-        question.contexts[0] = C::GATE + (((family * 3 + borders) * 3 + z) * 4 + count) * 2 + split;
+        question.contexts[0] = place;
         question.contexts[1] = C::GATE_BY_SCORE + (score * 7 + family) * 3 + borders;
         question.contexts[2] = C::GATE_BY_CORNER + (corner * 3 + borders) * 4 + count;
         question.contexts[3] = C::GATE_BY_ODDS + (odds_place * 7 + family) * 3 + borders;
@@ -397,9 +401,11 @@ private:
         question.neurons[0] = N::GATE_FAMILY + (family * 3 + borders) * 3 + z;
         question.neurons[1] = N::GATE_CORNER + corner;
         question.neurons[2] = N::GATE_ODDS + odds_place;
+        if constexpr (high) question.neurons[3] = N::GATE_SCORE + score;
         question.final_neuron = 8 + family;
-        if constexpr (high) add_places(question, C::COUNT + 8 * Candidates<effort, positions>::Places::COUNT, best, 1, 0);
-        note(4 + static_cast<int>(std::min(family, 5u))); return mixer_.code(coder_, question, wanted);
+        if constexpr (high)
+            add_places(question, C::COUNT + 8 * Candidates<effort, positions>::Places::COUNT, best, 1, 0);
+        return mixer_.code(coder_, question, wanted);
     }
 
     // A context for each of a candidate's places.
@@ -414,8 +420,9 @@ private:
     int choose(int best, int rival, int want, bool learning) {
         float weights[LANE_LIMIT], total = candidates_.total;
         bool many = candidates_.count > 1;
-        bool doubtful = learning && many;
-        if (doubtful) std::memcpy(weights, candidates_.weight_of, sizeof(float) * static_cast<size_t>(candidates_.lanes));
+        bool doubtful = learning && many && (high || candidates_.weight_of[best] < candidates_.total * 0.999f);
+        if (doubtful)
+            std::memcpy(weights, candidates_.weight_of, sizeof(float) * static_cast<size_t>(candidates_.lanes));
         if constexpr (requires { coder_.watch(candidates_, want); })
             if (many && learning) coder_.watch(candidates_, want);
         int turn = 0;
@@ -425,7 +432,7 @@ private:
             auto next = candidates_.find_best();
             best = next.best, rival = next.rival;
         }
-        if (doubtful && weights[best] * 8 < total * 7) candidates_.learn(best, total, weights);
+        if (doubtful && weights[best] * 8 < total * (high ? 7.9f : 7.0f)) candidates_.learn(best, total, weights);
         return best;
     }
     int code_is_it(int best, int rival, int turn, bool is) {
@@ -440,7 +447,8 @@ private:
         auto close = static_cast<uint32_t>(std::clamp(margin >> 7, 0, 15));
         question.contexts[0] = C::PICK_BY_ODDS + (t * ODDS + odds_place) * CORNERS + corner;
         question.contexts[1] = C::PICK_BY_LEFT + ((again * 4 + left) * ODDS + odds_place) * 16 + close;
-        question.contexts[2] = C::PICK_BY_RIVAL + ((again * 4 + std::min(close >> 1, 3u)) * CORNERS + corner) * CORNERS + other;
+        question.contexts[2] =
+            C::PICK_BY_RIVAL + ((again * 4 + std::min(close >> 1, 3u)) * CORNERS + corner) * CORNERS + other;
         question.contexts[3] = C::PICK_BY_SHAPE + again * 256 * CORNERS;
         if constexpr (positions)
             question.contexts[3] += static_cast<uint32_t>(candidates_.places_of[2][best]);
@@ -453,9 +461,10 @@ private:
         question.neurons[0] = N::PICK_TURN + 4 * t + left;
         question.neurons[1] = N::PICK_CORNER + corner;
         question.neurons[2] = N::PICK_ODDS + odds_place;
+        if constexpr (high) question.neurons[3] = N::PICK_MARGIN + 16 * again + close;
         question.final_neuron = t;
         if constexpr (high) add_places(question, C::COUNT, best, 8, 4 * again + (odds_place >> 3));
-        note(10 + std::min(turn, 3) + 4 * static_cast<int>(std::min(corner >> 3, 4u))); return mixer_.code(coder_, question, is);
+        return mixer_.code(coder_, question, is);
     }
 
     // ---- what is rare
@@ -494,7 +503,7 @@ private:
     }
     // A vertex by its number's distance, which is neither of these.
     int32_t code_vertex(uint32_t which, int32_t from, int32_t vertex, int32_t other) {
-        note(33 + static_cast<int>(which)); int32_t found = from + code_signed(coder_, number(which), vertex - from);
+        int32_t found = from + code_signed(coder_, number(which), vertex - from);
         expect(found >= 0 && static_cast<size_t>(found) < fine_.parents.size() && found != from && found != other,
                "a corner that is none");
         return found;
@@ -503,7 +512,8 @@ private:
     // Another face at a half-edge that has its twin, or is border.
     bool code_extra(int32_t& edge) {
         for (; edge < 4 * static_cast<int32_t>(front_.slot_count()); edge++) {
-            if ((edge & 3) == 3 || !front_.is_face(static_cast<size_t>(edge) >> 2) || front_.twin(edge) > edge) continue;
+            if ((edge & 3) == 3 || !front_.is_face(static_cast<size_t>(edge) >> 2) || front_.twin(edge) > edge)
+                continue;
             int32_t a = front_.corner(edge), b = front_.corner(next_half_edge(edge));
             int32_t p = front_.parent(a), q = front_.parent(b);
             bool shared = p == q, split = coarse_.split(p) || coarse_.split(q);
