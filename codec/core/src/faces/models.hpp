@@ -15,10 +15,10 @@ struct FacesContexts {
     static constexpr uint32_t PICK_BY_RIVAL = PICK_BY_LEFT + 2 * 4 * ODDS * 16;
     static constexpr uint32_t PICK_BY_SHAPE = PICK_BY_RIVAL + 8 * CORNERS * CORNERS;
     static constexpr uint32_t GATE = PICK_BY_SHAPE + 2 * 256 * CORNERS;
-    static constexpr uint32_t GATE_BY_SCORE = GATE + 4096;
-    static constexpr uint32_t GATE_BY_CORNER = GATE_BY_SCORE + 4096;
-    static constexpr uint32_t GATE_BY_ODDS = GATE_BY_CORNER + 4096;
-    static constexpr uint32_t HOLE = GATE_BY_ODDS + 4096;
+    static constexpr uint32_t GATE_BY_SCORE = GATE + 504;
+    static constexpr uint32_t GATE_BY_CORNER = GATE_BY_SCORE + ODDS * 21;
+    static constexpr uint32_t GATE_BY_ODDS = GATE_BY_CORNER + 12 * CORNERS;
+    static constexpr uint32_t HOLE = GATE_BY_ODDS + ODDS * 21;
     static constexpr uint32_t ESCAPE = HOLE + 16;
     static constexpr uint32_t EXTRA = ESCAPE + 64;
     static constexpr uint32_t SEED = EXTRA + 512;

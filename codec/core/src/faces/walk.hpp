@@ -4,7 +4,7 @@
 // are a stack; those whose candidates are in doubt wait until nothing else is left.
 #pragma once
 
-#include "faces/models.hpp"
+#include "faces/decisions.hpp"
 #include "faces/truth.hpp"
 
 #include <algorithm>
@@ -36,17 +36,15 @@ template <Effort effort, bool positions, class Coder>
 class FacesWalk {
     using Model = FacesModel<effort, positions>;
     using C = FacesContexts;
-    using N = FacesNeurons;
     static constexpr bool high = effort == Effort::high && positions;
     // A gate whose best candidate has no more than this share of the weights waits.
     static constexpr float DOUBT = high ? 0.6f : 0;
 
 public:
     FacesWalk(Coder& coder, const Level& coarse, Level& fine, Model& model, FacesMemory& memory, FacesTraits traits)
-        : coder_(coder), coarse_level_(coarse), fine_(fine), model_(model), memory_(memory), traits_(traits),
-          front_(fine, memory.front), coarse_(coarse, memory.coarse, traits.several),
-          candidates_(front_, model.scores.span()), contexts_(model.contexts.span()), mixer_(model.mixer_states()),
-          truth_(memory.truth) {}
+        : coarse_level_(coarse), fine_(fine), memory_(memory), traits_(traits), front_(fine, memory.front),
+          coarse_(coarse, memory.coarse, traits.several), candidates_(front_, model.scores.span()),
+          decisions_(coder, model, candidates_), truth_(memory.truth) {}
 
     // False (encoders only): the level is not clean, though it was said to be.
     bool run(size_t faces) {
@@ -74,11 +72,7 @@ public:
     bool had_extra() const { return had_extra_; }
 
 private:
-    int code(uint32_t place, bool bit) { return code_bit(coder_, contexts_[place], bit ? 1 : 0); }
-    Span<Context> number(uint32_t which) {
-        return contexts_.part(C::NUMBERS + which * SIGNED_CONTEXTS, SIGNED_CONTEXTS);
-    }
-
+    int code(uint32_t place, bool bit) { return decisions_.code(place, bit); }
     void prepare(size_t faces) {
         size_t n = fine_.parents.size();
         FrontMemory& m = memory_.front;
@@ -294,22 +288,23 @@ private:
             }
             int want = Coder::encoding && wanted >= 0 ? candidates_.find(apex) : NONE;
             if (candidates_.count == 0) continue;
-            auto [best, rival] = candidates_.find_best();
+            int best = candidates_.find_best().best;
             if (!late && candidates_.weight_of[best] < DOUBT * candidates_.total) {
                 memory_.later.push(gate.half_edge);
                 return;
             }
             bool last = !shared || phase == 1;
             if (want < 0 && last) unanswered_ = true;
-            if (!(traits_.closed && last) && code_has_face(gate, shared, phase, best, want >= 0) == 0) continue;
-            int lane = choose(best, rival, want, true);
+            if (!(traits_.closed && last) && decisions_.code_has_face(kind_of(gate, phase), best, want >= 0) == 0)
+                continue;
+            int lane = decisions_.choose(want, true);
             take(k, candidates_.vertex_of[lane], wanted);
             return;
         }
         if (!traits_.clean) {
             gather_all(gate.half_edge, first, second, true);
             bool listed = candidates_.count > 0;
-            if (listed ? code_has_face(gate, shared, 2, candidates_.find_best().best, wanted >= 0)
+            if (listed ? decisions_.code_has_face(kind_of(gate, 2), candidates_.find_best().best, wanted >= 0)
                        : code(C::ESCAPE + 2 * shared + (gate.ahead >= 0), wanted >= 0)) {
                 take(k, code_apex(first, second, apex), wanted);
                 return;
@@ -330,6 +325,15 @@ private:
         add_face(k, apex, image(p, q, front_.parent(apex), gate.ahead));
     }
 
+    // phase: 0 and, within a cell, 1; 2 with the candidates that are blocked.
+    GateKind kind_of(const Gate& gate, int phase) const {
+        const VertexState &a = front_.vertex(gate.to), &b = front_.vertex(gate.from);
+        bool shared = front_.parent(gate.to) == front_.parent(gate.from);
+        uint32_t family = shared ? static_cast<uint32_t>(phase) : gate.ahead < 0 ? 2 : 3 + coarse_.covered(gate.ahead);
+        if (phase == 2) family = 5 + shared;
+        return {family, static_cast<uint32_t>((a.split >> 1) + (b.split >> 1)),
+                static_cast<uint32_t>((a.split | b.split) & 1)};
+    }
     void gather(const Gate& gate, int phase) {
         int32_t first = gate.to, second = gate.from;
         int32_t p = front_.parent(first), q = front_.parent(second);
@@ -368,105 +372,6 @@ private:
         candidates_.shared = p == q;
     }
 
-    // The odds of a candidate against all the others: twice the logarithm, 0..31.
-    static int odds_class(int odds) { return std::clamp((odds >> 7) + 10, 0, 31); }
-    MESHTIDE_INLINE int odds_of(int lane) const {
-        float weight = candidates_.weight_of[lane];
-        float others = std::max(candidates_.total - weight, weight * 0.0001f);
-        return logarithm(weight) - logarithm(others);
-    }
-
-    int code_has_face(const Gate& gate, bool shared, int phase, int best, bool wanted) {
-        typename Model::DecisionMixer::Question question;
-        const VertexState &a = front_.vertex(gate.to), &b = front_.vertex(gate.from);
-        uint32_t borders = static_cast<uint32_t>((a.split >> 1) + (b.split >> 1));
-        auto corner = static_cast<uint32_t>(candidates_.corner_of[best]);
-        uint32_t closes = corner >> 1 & 3, z = closes == 3 ? 2 : closes != 0;
-        uint32_t family = shared ? static_cast<uint32_t>(phase) : gate.ahead < 0 ? 2 : 3 + coarse_.covered(gate.ahead);
-        if (phase == 2) family = 5 + shared;
-        uint32_t split = ((a.split | b.split) & 1) != 0;
-        auto count = static_cast<uint32_t>(std::min(candidates_.count - 1, 3));
-        uint32_t place = C::GATE + (((family * 3 + borders) * 3 + z) * 4 + count) * 2 + split;
-        auto score = static_cast<uint32_t>(std::clamp((candidates_.score_of[best] >> 7) + 16, 0, 31));
-        int odds = odds_of(best);
-        auto odds_place = static_cast<uint32_t>(odds_class(odds));
-        question.contexts[0] = place;
-        question.contexts[1] = C::GATE_BY_SCORE + (score * 7 + family) * 3 + borders;
-        question.contexts[2] = C::GATE_BY_CORNER + (corner * 3 + borders) * 4 + count;
-        question.contexts[3] = C::GATE_BY_ODDS + (odds_place * 7 + family) * 3 + borders;
-        question.opposed[0] = splat16(0);
-        auto number = static_cast<int16_t>(std::clamp(odds * 177 >> 8, -2047, 2047));
-        auto height = static_cast<int16_t>(std::clamp(candidates_.score_of[best] * 177 >> 8, -2047, 2047));
-        question.numbers = I16x8{256, number, height, 0, 0, 0, 0, 0};
-        question.neurons[0] = N::GATE_FAMILY + (family * 3 + borders) * 3 + z;
-        question.neurons[1] = N::GATE_CORNER + corner;
-        question.neurons[2] = N::GATE_ODDS + odds_place;
-        if constexpr (high) question.neurons[3] = N::GATE_SCORE + score;
-        question.final_neuron = 8 + family;
-        if constexpr (high)
-            add_places(question, C::COUNT + 8 * Candidates<effort, positions>::Places::COUNT, best, 1, 0);
-        return mixer_.code(coder_, question, wanted);
-    }
-
-    // A context for each of a candidate's places.
-    template <class Question>
-    MESHTIDE_INLINE void add_places(Question& question, uint32_t from, int lane, uint32_t stride, uint32_t more) {
-        for (int j = 0; j < 16; j++)
-            question.contexts[4 + j] = from + stride * static_cast<uint32_t>(candidates_.places_of[j][lane]) + more;
-        for (int g = 1; g < 5; g++) question.opposed[g] = splat16(0);
-    }
-
-    // Which candidate it is. want: its lane (encoder). first_best: as found by find_best, with the rival.
-    int choose(int best, int rival, int want, bool learning) {
-        float weights[LANE_LIMIT], total = candidates_.total;
-        bool many = candidates_.count > 1;
-        bool doubtful = learning && many && (high || candidates_.weight_of[best] < candidates_.total * 0.999f);
-        if (doubtful)
-            std::memcpy(weights, candidates_.weight_of, sizeof(float) * static_cast<size_t>(candidates_.lanes));
-        if constexpr (requires { coder_.watch(candidates_, want); })
-            if (many && learning) coder_.watch(candidates_, want);
-        int turn = 0;
-        while (candidates_.count > 1 && code_is_it(best, rival, turn, want == best) == 0) {
-            candidates_.drop(best);
-            turn++;
-            auto next = candidates_.find_best();
-            best = next.best, rival = next.rival;
-        }
-        if (doubtful && weights[best] * 8 < total * (high ? 7.9f : 7.0f)) candidates_.learn(best, total, weights);
-        return best;
-    }
-    int code_is_it(int best, int rival, int turn, bool is) {
-        typename Model::DecisionMixer::Question question;
-        auto corner = static_cast<uint32_t>(candidates_.corner_of[best]);
-        auto other = static_cast<uint32_t>(candidates_.corner_of[rival]);
-        int odds = odds_of(best);
-        auto odds_place = static_cast<uint32_t>(odds_class(odds));
-        auto t = static_cast<uint32_t>(std::min(turn, 3)), again = static_cast<uint32_t>(turn > 0);
-        auto left = static_cast<uint32_t>(std::min(candidates_.count - 2, 3));
-        int margin = candidates_.score_of[best] - candidates_.score_of[rival];
-        auto close = static_cast<uint32_t>(std::clamp(margin >> 7, 0, 15));
-        question.contexts[0] = C::PICK_BY_ODDS + (t * ODDS + odds_place) * CORNERS + corner;
-        question.contexts[1] = C::PICK_BY_LEFT + ((again * 4 + left) * ODDS + odds_place) * 16 + close;
-        question.contexts[2] =
-            C::PICK_BY_RIVAL + ((again * 4 + std::min(close >> 1, 3u)) * CORNERS + corner) * CORNERS + other;
-        question.contexts[3] = C::PICK_BY_SHAPE + again * 256 * CORNERS;
-        if constexpr (positions)
-            question.contexts[3] += static_cast<uint32_t>(candidates_.places_of[2][best]);
-        else
-            question.contexts[3] += corner;
-        question.opposed[0] = splat16(0);
-        auto number = static_cast<int16_t>(std::clamp(odds * 177 >> 8, -2047, 2047));
-        auto ahead = static_cast<int16_t>(std::clamp(margin * 177 >> 8, -2047, 2047));
-        question.numbers = I16x8{256, number, ahead, 0, 0, 0, 0, 0};
-        question.neurons[0] = N::PICK_TURN + 4 * t + left;
-        question.neurons[1] = N::PICK_CORNER + corner;
-        question.neurons[2] = N::PICK_ODDS + odds_place;
-        if constexpr (high) question.neurons[3] = N::PICK_MARGIN + 16 * again + close;
-        question.final_neuron = t;
-        if constexpr (high) add_places(question, C::COUNT, best, 8, 4 * again + (odds_place >> 3));
-        return mixer_.code(coder_, question, is);
-    }
-
     // ---- what is rare
 
     // All vertices near a half-edge's face, in whatever state. refused: without those that its gate has offered.
@@ -496,14 +401,13 @@ private:
     int32_t code_apex(int32_t first, int32_t second, int32_t apex) {
         int want = Coder::encoding ? candidates_.find(apex) : NONE;
         if (candidates_.count > 0 && code(C::ESCAPE + 8, want >= 0) != 0) {
-            auto [best, rival] = candidates_.find_best();
-            return candidates_.vertex_of[choose(best, rival, want, false)];
+            return candidates_.vertex_of[decisions_.choose(want, false)];
         }
         return code_vertex(0, first, apex, second);
     }
     // A vertex by its number's distance, which is neither of these.
     int32_t code_vertex(uint32_t which, int32_t from, int32_t vertex, int32_t other) {
-        int32_t found = from + code_signed(coder_, number(which), vertex - from);
+        int32_t found = from + decisions_.code_number(which, vertex - from);
         expect(found >= 0 && static_cast<size_t>(found) < fine_.parents.size() && found != from && found != other,
                "a corner that is none");
         return found;
@@ -583,7 +487,7 @@ private:
     }
     int32_t code_place(int32_t size, int32_t place) {
         int bits = 32 - std::countl_zero(static_cast<uint32_t>(size - 1));
-        auto found = static_cast<int32_t>(code_raw(coder_, bits, static_cast<uint32_t>(place)));
+        auto found = decisions_.code_raw_number(bits, place);
         expect(found < size, "a corner that is none");
         return found;
     }
@@ -621,7 +525,7 @@ private:
             truth_.tell(wanted);
         }
         auto n = static_cast<int32_t>(fine_.parents.size());
-        corners[0] = last_leftover_ + code_signed(coder_, number(1), corners[0] - last_leftover_);
+        corners[0] = last_leftover_ + decisions_.code_number(1, corners[0] - last_leftover_);
         expect(corners[0] >= 0 && corners[0] < n, "a corner that is none");
         last_leftover_ = corners[0];
         corners[1] = code_vertex(2, corners[0], corners[1], NONE);
@@ -629,17 +533,14 @@ private:
         add_loose(corners[0], corners[1], corners[2]);
     }
 
-    Coder& coder_;
     const Level& coarse_level_;
     Level& fine_;
-    Model& model_;
     FacesMemory& memory_;
     FacesTraits traits_;
     Front front_;
     CoarseFaces coarse_;
     Candidates<effort, positions> candidates_;
-    Span<Context> contexts_;
-    typename Model::DecisionMixer mixer_;
+    FacesDecisions<effort, positions, Coder> decisions_;
     TruthIndex& truth_;
     float unit_ = 1;
     size_t later_next_ = 0, within_next_ = 0;
