@@ -1,8 +1,9 @@
+// How much work a profile's layers put into their predictions.
 #pragma once
 
 namespace meshtide {
 
-// How much work a stream is worth: what high takes more of are contexts, geometry and time, in both directions.
-enum class Effort { standard, high };
+// Both efforts are one walk; they differ in contexts, geometry and the size of the mixer.
+enum class Effort { standard, high }; // "standard" is effort default, which C++ has as a keyword
 
 } // namespace meshtide

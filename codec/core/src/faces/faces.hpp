@@ -37,7 +37,8 @@ inline bool has_several(const Level& level, Budget& budget) {
     for (size_t t = 0; t < faces; t++)
         for (size_t h = 4 * t; h < 4 * t + 3; h++) {
             auto from = static_cast<uint64_t>(level.corners[h]);
-            auto to = static_cast<uint32_t>(level.corners[static_cast<size_t>(next_half_edge(static_cast<int32_t>(h)))]);
+            auto to =
+                static_cast<uint32_t>(level.corners[static_cast<size_t>(next_half_edge(static_cast<int32_t>(h)))]);
             edges.push(from << 32 | to);
         }
     std::sort(edges.begin(), edges.end());
@@ -61,11 +62,11 @@ void code_faces(Coder& coder, const Level& coarse, Level& fine, FacesModel<effor
     auto faces = static_cast<size_t>(count);
     auto walk = [&](auto& with, FacesModel<effort, positions>& knowing, FacesTraits traits) {
         FacesWalk<effort, positions, std::remove_reference_t<decltype(with)>> made(with, coarse, fine, knowing, memory,
-                                                                                 traits);
+                                                                                   traits);
         made.set_unit(unit);
         if constexpr (Coder::encoding) memory.truth.start(task.truth, fine.parents.span());
         bool done = made.run(faces);
-        if constexpr (Coder::encoding) memory.answered = made.every_gate_had_a_face();
+        if constexpr (Coder::encoding) memory.answered = made.every_gate_had_a_face(), memory.extra = made.had_extra();
         return done;
     };
     FacesTraits traits;
@@ -79,14 +80,15 @@ void code_faces(Coder& coder, const Level& coarse, Level& fine, FacesModel<effor
         Rehearsal rehearsal;
         for (bool clean : {true, false}) {
             copy.copy(model);
-            traits.clean = clean;
+            traits.clean = clean, traits.extra = !clean;
             if (walk(rehearsal, copy, traits)) break;
         }
-        traits.closed = memory.answered;
+        traits.closed = memory.answered, traits.extra = memory.extra;
     }
     traits.several = coder.code(32768, traits.several) != 0;
     traits.closed = coder.code(32768, traits.closed) != 0;
     traits.clean = coder.code(32768, traits.clean) != 0;
+    traits.extra = !traits.clean && coder.code(32768, traits.extra) != 0;
     walk(coder, model, traits);
 }
 

@@ -15,8 +15,8 @@ struct Gate {
     int32_t next_out, previous_out, next_in, previous_in; // lists of gates that leave `from`, and that reach `to`
 };
 
-constexpr int32_t UNTOUCHED = -2;  // in VertexState::out: a vertex without faces
-constexpr int SEARCH_LIMIT = 64;   // steps of a search around a vertex or an edge
+constexpr int32_t UNTOUCHED = -2; // in VertexState::out: a vertex without faces
+constexpr int SEARCH_LIMIT = 64;  // steps of a search around a vertex or an edge
 
 struct VertexState {
     int32_t out, in; // the newest gates that leave it, and that reach it; NONE, or UNTOUCHED
@@ -28,11 +28,22 @@ struct VertexState {
 // that loads of vectors do not wait for stores of parts.
 using VertexRow = F32x4;
 
+// The angle of a cosine, in half turns; M. Abramowitz and I. Stegun, "Handbook of Mathematical Functions", 4.4.45.
+MESHTIDE_INLINE F32x4 arc(F32x4 cosine) {
+    F32x4 x = least(magnitude(cosine), splat(1.0f));
+    F32x4 angle = square_root(splat(1.0f) - x) *
+                  (splat(0.4999787f) + x * (splat(-0.0675181f) + x * (splat(0.0236380f) - x * splat(0.0059617f))));
+    I32x4 negative = cosine < splat(0.0f);
+    return reinterpret_cast<F32x4>((reinterpret_cast<I32x4>(angle) & ~negative) |
+                                   (reinterpret_cast<I32x4>(splat(1.0f) - angle) & negative));
+}
+
 struct FrontMemory {
     explicit FrontMemory(Budget& budget)
-        : rows(budget), vertices(budget), gates(budget), free_slots(budget), copied(budget) {}
+        : rows(budget), vertices(budget), angles(budget), gates(budget), free_slots(budget), copied(budget) {}
     Array<VertexRow> rows; // and three more, so that four can be loaded from any
     Array<VertexState> vertices;
+    Array<float> angles; // of each vertex: the sum of its faces' angles there; high only
     Array<Gate> gates;
     Array<int32_t> free_slots;
     Array<uint8_t> copied; // of each coarse face: is it a face of the fine level, in the same slot?
@@ -76,6 +87,22 @@ public:
     MESHTIDE_INLINE const VertexRow* four_rows(int32_t v) const { return rows_.block(static_cast<size_t>(v), 4); }
     MESHTIDE_INLINE const VertexState* four_states(int32_t v) const {
         return vertices_.block(static_cast<size_t>(v), 4);
+    }
+    MESHTIDE_INLINE float angle(int32_t v) const { return memory_.angles[static_cast<size_t>(v)]; }
+    MESHTIDE_INLINE const float* four_angles(int32_t v) const {
+        return memory_.angles.span().block(static_cast<size_t>(v), 4);
+    }
+    // Adds a face's angles to those of its corners.
+    void add_angles(int32_t a, int32_t b, int32_t c) const {
+        F32x4 p = position(a), q = position(b), r = position(c);
+        F32x4 pq = q - p, qr = r - q, rp = p - r;
+        float g = dot3(pq, pq), j = dot3(qr, qr), i = dot3(rp, rp);
+        F32x4 cosines = F32x4{g + i - j, g + j - i, i + j - g, 0} * splat(0.5f) /
+                        square_root(F32x4{g * i, g * j, i * j, 1} + splat(1e-20f));
+        F32x4 angles = arc(cosines);
+        memory_.angles[static_cast<size_t>(a)] += angles[0];
+        memory_.angles[static_cast<size_t>(b)] += angles[1];
+        memory_.angles[static_cast<size_t>(c)] += angles[2];
     }
     MESHTIDE_INLINE int32_t& corner(int32_t h) const { return corners_[static_cast<size_t>(h)]; }
     MESHTIDE_INLINE int32_t& twin(int32_t h) const { return twins_[static_cast<size_t>(h)]; }

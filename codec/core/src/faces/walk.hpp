@@ -4,7 +4,7 @@
 // are a stack; those whose candidates are in doubt wait until nothing else is left.
 #pragma once
 
-#include "faces/models.hpp"
+#include "faces/decisions.hpp"
 #include "faces/truth.hpp"
 
 #include <algorithm>
@@ -20,8 +20,7 @@ struct FacesMemory {
     CoarseMemory coarse;
     Array<int32_t> stack, later, within; // half-edges of gates
     TruthIndex truth;                    // encoder only
-    bool answered = false;
-    float doubt = 0;
+    bool answered = false, extra = false;
     size_t several_limit = 2000000;
 };
 
@@ -30,20 +29,22 @@ struct FacesTraits {
     bool several = false; // edges of the coarse level have more than one face a side
     bool closed = false;  // every gate has a face among its candidates
     bool clean = false;   // nothing but gates and seeds is needed
+    bool extra = true;    // there are faces at edges that have their two
 };
 
 template <Effort effort, bool positions, class Coder>
 class FacesWalk {
     using Model = FacesModel<effort, positions>;
     using C = FacesContexts;
-    using N = FacesNeurons;
+    static constexpr bool high = effort == Effort::high && positions;
+    // A gate whose best candidate has no more than this share of the weights waits.
+    static constexpr float DOUBT = high ? 0.6f : 0;
 
 public:
     FacesWalk(Coder& coder, const Level& coarse, Level& fine, Model& model, FacesMemory& memory, FacesTraits traits)
-        : coder_(coder), coarse_level_(coarse), fine_(fine), model_(model), memory_(memory), traits_(traits),
-          front_(fine, memory.front), coarse_(coarse, memory.coarse, traits.several),
-          candidates_(front_, model.scores.span()), contexts_(model.contexts.span()), mixer_(model.mixer_states()),
-          truth_(memory.truth) {}
+        : coarse_level_(coarse), fine_(fine), memory_(memory), traits_(traits), front_(fine, memory.front),
+          coarse_(coarse, memory.coarse, traits.several), candidates_(front_, model.scores.span()),
+          decisions_(coder, model, candidates_), truth_(memory.truth) {}
 
     // False (encoders only): the level is not clean, though it was said to be.
     bool run(size_t faces) {
@@ -52,7 +53,7 @@ public:
         run_gates();
         int32_t seed = 0, edge = 0;
         while (!failed_ && !front_.full()) {
-            if (!traits_.clean && code_extra(edge)) {
+            if (traits_.extra && code_extra(edge)) {
             } else if (next_seed(seed)) {
                 code_seed(seed);
             } else if (!traits_.clean) {
@@ -68,12 +69,10 @@ public:
         return true;
     }
     bool every_gate_had_a_face() const { return !unanswered_; }
+    bool had_extra() const { return had_extra_; }
 
 private:
-    void note(int kind) { if constexpr (requires { coder_.note(kind); }) coder_.note(kind); }
-    int code(uint32_t place, bool bit) { note(place < C::ESCAPE ? 0 : place < C::ESCAPE + 8 ? 31 : place < C::ESCAPE + 16 ? 32 : place < C::EXTRA ? 1 : place < C::SEED ? 2 : 3); return code_bit(coder_, contexts_[place], bit ? 1 : 0); }
-    Span<Context> number(uint32_t which) { return contexts_.part(C::NUMBERS + which * SIGNED_CONTEXTS, SIGNED_CONTEXTS); }
-
+    int code(uint32_t place, bool bit) { return decisions_.code(place, bit); }
     void prepare(size_t faces) {
         size_t n = fine_.parents.size();
         FrontMemory& m = memory_.front;
@@ -95,6 +94,7 @@ private:
             rows[v] = splat(0);
             states[v] = {UNTOUCHED, NONE, 0, 0};
         }
+        if constexpr (high) m.angles.assign(n + 3, 0);
         front_.start(faces, std::max(faces, coarse_.face_count()));
         memory_.stack.clear();
         memory_.later.clear();
@@ -107,8 +107,12 @@ private:
         front_.copy(coarse_level_);
         Span<const uint8_t> copied = memory_.front.copied.span();
         Span<const int32_t> free_slots = memory_.front.free_slots.span();
-        for (size_t t = 0; t < copied.size(); t++)
-            if (copied[t] != 0) coarse_.covered(4 * static_cast<int32_t>(t)) = 1;
+        for (size_t t = 0; t < copied.size(); t++) {
+            if (copied[t] == 0) continue;
+            auto h = 4 * static_cast<int32_t>(t);
+            coarse_.covered(h) = 1;
+            if constexpr (high) front_.add_angles(front_.corner(h), front_.corner(h + 1), front_.corner(h + 2));
+        }
         if constexpr (Coder::encoding)
             for (size_t t = 0; t < copied.size(); t++)
                 if (copied[t] != 0) {
@@ -125,19 +129,22 @@ private:
                 leave(behind, coarse_.first_child(q), coarse_.first_child(p), h);
             }
         }
-        if (!coarse_.several()) return;
+        if (!coarse_.any_crowded()) return;
         for (size_t t = 0; t < copied.size(); t++) {
             if (copied[t] == 0) continue;
             for (auto h = static_cast<int32_t>(4 * t); h < static_cast<int32_t>(4 * t + 3); h++) {
                 if (front_.twin(h) != NONE) continue;
                 int32_t p = coarse_.origin(h), q = coarse_.origin(next_half_edge(h));
+                if (!coarse_.crowded(q)) continue;
                 int32_t ahead = coarse_.edge(q, p);
                 if (ahead >= 0) leave(h, coarse_.first_child(p), coarse_.first_child(q), ahead);
             }
         }
     }
     void tell_copy(int32_t a, int32_t b, int32_t c) {
-        int32_t face = b < a && b < c ? truth_.find(b, c, a) : c < a && c < b ? truth_.find(c, a, b) : truth_.find(a, b, c);
+        int32_t face = b < a && b < c   ? truth_.find(b, c, a)
+                       : c < a && c < b ? truth_.find(c, a, b)
+                                        : truth_.find(a, b, c);
         if (face >= 0) truth_.tell(face);
     }
 
@@ -176,12 +183,13 @@ private:
         if (front_.vertex(apex).out >= 0) closing2 = front_.find_gate(apex, second);
         if (front_.vertex(apex).in >= 0) closing1 = front_.find_gate(first, apex);
         int32_t h = 4 * front_.add(first, second, apex);
+        if constexpr (high) front_.add_angles(first, second, apex);
         front_.join(h, k);
         int32_t ahead1, ahead2;
         if (image >= 0) {
             coarse_.covered(image) = 1;
-            ahead2 = coarse_.several() ? ahead(r, q) : coarse_.twin(next_half_edge(image));
-            ahead1 = coarse_.several() ? ahead(p, r) : coarse_.twin(previous_half_edge(image));
+            ahead2 = coarse_.crowded(r) ? ahead(r, q) : coarse_.twin(next_half_edge(image));
+            ahead1 = coarse_.crowded(p) ? ahead(p, r) : coarse_.twin(previous_half_edge(image));
         } else if (r == q) {
             ahead2 = NONE, ahead1 = r == p ? NONE : gate.ahead;
         } else if (r == p) {
@@ -202,6 +210,7 @@ private:
     void add_loose(int32_t a, int32_t b, int32_t c) {
         int32_t corners[3] = {a, b, c}, above[3] = {front_.parent(a), front_.parent(b), front_.parent(c)};
         int32_t h = 4 * front_.add(a, b, c);
+        if constexpr (high) front_.add_angles(a, b, c);
         cover(above[0], above[1], above[2]);
         for (int i = 0; i < 3; i++) {
             int j = i == 2 ? 0 : i + 1;
@@ -214,7 +223,7 @@ private:
     }
     void cover(int32_t p, int32_t q, int32_t r) {
         if (p == q || q == r || r == p) return;
-        coarse_.each_at(p, q, coarse_.several() ? NONE : coarse_.edge(p, q), [&](int32_t k) {
+        coarse_.each_at(p, q, coarse_.edge(p, q), [&](int32_t k) {
             if (coarse_.apex(k) == r) coarse_.covered(k) = 1;
         });
     }
@@ -279,22 +288,23 @@ private:
             }
             int want = Coder::encoding && wanted >= 0 ? candidates_.find(apex) : NONE;
             if (candidates_.count == 0) continue;
-            auto [best, rival] = candidates_.find_best();
-            if (!late && candidates_.weight_of[best] < memory_.doubt * candidates_.total) {
+            int best = candidates_.find_best().best;
+            if (!late && candidates_.weight_of[best] < DOUBT * candidates_.total) {
                 memory_.later.push(gate.half_edge);
                 return;
             }
             bool last = !shared || phase == 1;
             if (want < 0 && last) unanswered_ = true;
-            if (!(traits_.closed && last) && code_has_face(gate, shared, phase, best, want >= 0) == 0) continue;
-            int lane = choose(best, rival, want, true);
+            if (!(traits_.closed && last) && decisions_.code_has_face(kind_of(gate, phase), best, want >= 0) == 0)
+                continue;
+            int lane = decisions_.choose(want, true);
             take(k, candidates_.vertex_of[lane], wanted);
             return;
         }
         if (!traits_.clean) {
             gather_all(gate.half_edge, first, second, true);
             bool listed = candidates_.count > 0;
-            if (listed ? code_has_face(gate, shared, 2, candidates_.find_best().best, wanted >= 0)
+            if (listed ? decisions_.code_has_face(kind_of(gate, 2), candidates_.find_best().best, wanted >= 0)
                        : code(C::ESCAPE + 2 * shared + (gate.ahead >= 0), wanted >= 0)) {
                 take(k, code_apex(first, second, apex), wanted);
                 return;
@@ -315,13 +325,24 @@ private:
         add_face(k, apex, image(p, q, front_.parent(apex), gate.ahead));
     }
 
+    // phase: 0 and, within a cell, 1; 2 with the candidates that are blocked.
+    GateKind kind_of(const Gate& gate, int phase) const {
+        const VertexState &a = front_.vertex(gate.to), &b = front_.vertex(gate.from);
+        bool shared = front_.parent(gate.to) == front_.parent(gate.from);
+        uint32_t family = shared ? static_cast<uint32_t>(phase) : gate.ahead < 0 ? 2 : 3 + coarse_.covered(gate.ahead);
+        if (phase == 2) family = 5 + shared;
+        return {family, static_cast<uint32_t>((a.split >> 1) + (b.split >> 1)),
+                static_cast<uint32_t>((a.split | b.split) & 1)};
+    }
     void gather(const Gate& gate, int phase) {
         int32_t first = gate.to, second = gate.from;
         int32_t p = front_.parent(first), q = front_.parent(second);
         candidates_.aim(gate.half_edge, first, second);
+        if constexpr (high) tell_lack(p, q);
         if (p != q) {
-            coarse_.each_at(p, q, gate.ahead,
-                            [&](int32_t k) { add_children(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD); });
+            coarse_.each_at(p, q, gate.ahead, [&](int32_t k) {
+                add_children(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
+            });
             add_children(p, SIBLING, first);
             add_children(q, SIBLING, second);
         } else if (phase == 0) {
@@ -334,6 +355,7 @@ private:
     template <bool all = false>
     MESHTIDE_INLINE void add_children(int32_t p, Kind kind, int32_t near = NONE) {
         int32_t base = coarse_.first_child(p), size = coarse_.child_count(p);
+        if constexpr (high) candidates_.family_lack = lack(p);
         if (near >= 0) {
             if (size == 1) return;
             if (size > 32) { // only those around
@@ -344,87 +366,10 @@ private:
         candidates_.template add<all>(base, size, kind);
     }
 
-    // The odds of a candidate against all the others: twice the logarithm, 0..31.
-    static int odds_class(int odds) { return std::clamp((odds >> 7) + 10, 0, 31); }
-    MESHTIDE_INLINE int odds_of(int lane) const {
-        float weight = candidates_.weight_of[lane];
-        float others = std::max(candidates_.total - weight, weight * 0.0001f);
-        return logarithm(weight) - logarithm(others);
-    }
-
-    int code_has_face(const Gate& gate, bool shared, int phase, int best, bool wanted) {
-        typename Model::DecisionMixer::Question question;
-        const VertexState &a = front_.vertex(gate.to), &b = front_.vertex(gate.from);
-        uint32_t borders = static_cast<uint32_t>((a.split >> 1) + (b.split >> 1));
-        auto corner = static_cast<uint32_t>(candidates_.corner_of[best]);
-        uint32_t closes = corner >> 1 & 3, z = closes == 3 ? 2 : closes != 0;
-        uint32_t family = shared ? static_cast<uint32_t>(phase) : gate.ahead < 0 ? 2 : 3 + coarse_.covered(gate.ahead);
-        if (phase == 2) family = 5 + shared;
-        uint32_t split = ((a.split | b.split) & 1) != 0;
-        auto count = static_cast<uint32_t>(std::min(candidates_.count - 1, 3));
-        auto score = static_cast<uint32_t>(std::clamp((candidates_.score_of[best] >> 7) + 16, 0, 31));
-        int odds = odds_of(best);
-        auto odds_place = static_cast<uint32_t>(odds_class(odds));
-        question.contexts[0] = C::GATE + (((family * 3 + borders) * 3 + z) * 4 + count) * 2 + split;
-        question.contexts[1] = C::GATE_BY_SCORE + (score * 7 + family) * 3 + borders;
-        question.contexts[2] = C::GATE_BY_CORNER + (corner * 3 + borders) * 4 + count;
-        question.contexts[3] = C::GATE_BY_ODDS + (odds_place * 7 + family) * 3 + borders;
-        question.opposed[0] = splat16(0);
-        auto number = static_cast<int16_t>(std::clamp(odds * 177 >> 8, -2047, 2047));
-        auto height = static_cast<int16_t>(std::clamp(candidates_.score_of[best] * 177 >> 8, -2047, 2047));
-        question.numbers = I16x8{256, number, height, 0, 0, 0, 0, 0};
-        question.neurons[0] = N::GATE_FAMILY + (family * 3 + borders) * 3 + z;
-        question.neurons[1] = N::GATE_CORNER + corner;
-        question.neurons[2] = N::GATE_ODDS + odds_place;
-        question.final_neuron = 8 + family;
-        note(4 + static_cast<int>(std::min(family, 5u))); return mixer_.code(coder_, question, wanted);
-    }
-
-    // Which candidate it is. want: its lane (encoder). first_best: as found by find_best, with the rival.
-    int choose(int best, int rival, int want, bool learning) {
-        float weights[LANE_LIMIT], total = candidates_.total;
-        bool many = candidates_.count > 1;
-        bool doubtful = learning && many;
-        if (doubtful) std::memcpy(weights, candidates_.weight_of, sizeof(float) * static_cast<size_t>(candidates_.lanes));
-        if constexpr (requires { coder_.watch(candidates_, want); })
-            if (many && learning) coder_.watch(candidates_, want);
-        int turn = 0;
-        while (candidates_.count > 1 && code_is_it(best, rival, turn, want == best) == 0) {
-            candidates_.drop(best);
-            turn++;
-            auto next = candidates_.find_best();
-            best = next.best, rival = next.rival;
-        }
-        if (doubtful && weights[best] * 8 < total * 7) candidates_.learn(best, total, weights);
-        return best;
-    }
-    int code_is_it(int best, int rival, int turn, bool is) {
-        typename Model::DecisionMixer::Question question;
-        auto corner = static_cast<uint32_t>(candidates_.corner_of[best]);
-        auto other = static_cast<uint32_t>(candidates_.corner_of[rival]);
-        int odds = odds_of(best);
-        auto odds_place = static_cast<uint32_t>(odds_class(odds));
-        auto t = static_cast<uint32_t>(std::min(turn, 3)), again = static_cast<uint32_t>(turn > 0);
-        auto left = static_cast<uint32_t>(std::min(candidates_.count - 2, 3));
-        int margin = candidates_.score_of[best] - candidates_.score_of[rival];
-        auto close = static_cast<uint32_t>(std::clamp(margin >> 7, 0, 15));
-        question.contexts[0] = C::PICK_BY_ODDS + (t * ODDS + odds_place) * CORNERS + corner;
-        question.contexts[1] = C::PICK_BY_LEFT + ((again * 4 + left) * ODDS + odds_place) * 16 + close;
-        question.contexts[2] = C::PICK_BY_RIVAL + ((again * 4 + std::min(close >> 1, 3u)) * CORNERS + corner) * CORNERS + other;
-        question.contexts[3] = C::PICK_BY_SHAPE + again * 256 * CORNERS;
-        if constexpr (positions)
-            question.contexts[3] += static_cast<uint32_t>(candidates_.places_of[2][best]);
-        else
-            question.contexts[3] += corner;
-        question.opposed[0] = splat16(0);
-        auto number = static_cast<int16_t>(std::clamp(odds * 177 >> 8, -2047, 2047));
-        auto ahead = static_cast<int16_t>(std::clamp(margin * 177 >> 8, -2047, 2047));
-        question.numbers = I16x8{256, number, ahead, 0, 0, 0, 0, 0};
-        question.neurons[0] = N::PICK_TURN + 4 * t + left;
-        question.neurons[1] = N::PICK_CORNER + corner;
-        question.neurons[2] = N::PICK_ODDS + odds_place;
-        question.final_neuron = t;
-        note(10 + std::min(turn, 3) + 4 * static_cast<int>(std::min(corner >> 3, 4u))); return mixer_.code(coder_, question, is);
+    int lack(int32_t p) const { return 8 * (std::min(coarse_.child_count(p), 3) - 1) + coarse_.uncovered_around(p); }
+    void tell_lack(int32_t p, int32_t q) {
+        candidates_.first_lack = lack(p), candidates_.second_lack = lack(q);
+        candidates_.shared = p == q;
     }
 
     // ---- what is rare
@@ -433,14 +378,13 @@ private:
     void gather_all(int32_t half_edge, int32_t first, int32_t second, bool refused) {
         candidates_.aim(half_edge, first, second);
         int32_t p = front_.parent(first), q = front_.parent(second);
+        if constexpr (high) tell_lack(p, q);
         if (p != q) {
-            int32_t known_edge = coarse_.several() ? NONE : coarse_.edge(p, q);
-            for (int side = 0; side < 2; side++) {
-                coarse_.each_at(side == 0 ? p : q, side == 0 ? q : p,
-                                side == 0 || known_edge < 0 ? known_edge : coarse_.twin(known_edge), [&](int32_t k) {
-                                    add_children<true>(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
-                                });
-            }
+            auto see = [&](int32_t k) {
+                add_children<true>(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
+            };
+            coarse_.each_at(p, q, coarse_.edge(p, q), see);
+            coarse_.each_at(q, p, coarse_.edge(q, p), see);
             add_children<true>(p, SIBLING, first);
             add_children<true>(q, SIBLING, second);
         } else {
@@ -457,14 +401,13 @@ private:
     int32_t code_apex(int32_t first, int32_t second, int32_t apex) {
         int want = Coder::encoding ? candidates_.find(apex) : NONE;
         if (candidates_.count > 0 && code(C::ESCAPE + 8, want >= 0) != 0) {
-            auto [best, rival] = candidates_.find_best();
-            return candidates_.vertex_of[choose(best, rival, want, false)];
+            return candidates_.vertex_of[decisions_.choose(want, false)];
         }
         return code_vertex(0, first, apex, second);
     }
     // A vertex by its number's distance, which is neither of these.
     int32_t code_vertex(uint32_t which, int32_t from, int32_t vertex, int32_t other) {
-        note(33 + static_cast<int>(which)); int32_t found = from + code_signed(coder_, number(which), vertex - from);
+        int32_t found = from + decisions_.code_number(which, vertex - from);
         expect(found >= 0 && static_cast<size_t>(found) < fine_.parents.size() && found != from && found != other,
                "a corner that is none");
         return found;
@@ -473,21 +416,22 @@ private:
     // Another face at a half-edge that has its twin, or is border.
     bool code_extra(int32_t& edge) {
         for (; edge < 4 * static_cast<int32_t>(front_.slot_count()); edge++) {
-            if ((edge & 3) == 3 || !front_.is_face(static_cast<size_t>(edge) >> 2) || front_.twin(edge) > edge) continue;
+            if ((edge & 3) == 3 || !front_.is_face(static_cast<size_t>(edge) >> 2) || front_.twin(edge) > edge)
+                continue;
             int32_t a = front_.corner(edge), b = front_.corner(next_half_edge(edge));
             int32_t p = front_.parent(a), q = front_.parent(b);
             bool shared = p == q, split = coarse_.split(p) || coarse_.split(q);
             int faces = 0, uncovered = 0;
             if (shared) {
                 faces = std::max(coarse_.child_count(p) - 2, 0);
-            } else if (coarse_.several()) {
+            } else if (coarse_.crowded(p) || coarse_.crowded(q)) {
                 auto see = [&](int32_t k) {
                     faces++;
                     uncovered += coarse_.covered(k) == 0;
                     split = split || coarse_.split(coarse_.apex(k));
                 };
-                coarse_.each_at(p, q, NONE, see);
-                coarse_.each_at(q, p, NONE, see);
+                coarse_.each_at(p, q, coarse_.edge(p, q), see);
+                coarse_.each_at(q, p, coarse_.edge(q, p), see);
             }
             if (!split || faces == 0) continue;
             int32_t wanted = NONE;
@@ -508,6 +452,7 @@ private:
             int32_t apex = code_apex(first, second, Coder::encoding ? truth_.vertex(wanted, 2) : NONE);
             if constexpr (Coder::encoding) truth_.tell(wanted);
             add_loose(first, second, apex);
+            had_extra_ = true;
             return true;
         }
         return false;
@@ -542,7 +487,7 @@ private:
     }
     int32_t code_place(int32_t size, int32_t place) {
         int bits = 32 - std::countl_zero(static_cast<uint32_t>(size - 1));
-        auto found = static_cast<int32_t>(code_raw(coder_, bits, static_cast<uint32_t>(place)));
+        auto found = decisions_.code_raw_number(bits, place);
         expect(found < size, "a corner that is none");
         return found;
     }
@@ -580,7 +525,7 @@ private:
             truth_.tell(wanted);
         }
         auto n = static_cast<int32_t>(fine_.parents.size());
-        corners[0] = last_leftover_ + code_signed(coder_, number(1), corners[0] - last_leftover_);
+        corners[0] = last_leftover_ + decisions_.code_number(1, corners[0] - last_leftover_);
         expect(corners[0] >= 0 && corners[0] < n, "a corner that is none");
         last_leftover_ = corners[0];
         corners[1] = code_vertex(2, corners[0], corners[1], NONE);
@@ -588,21 +533,18 @@ private:
         add_loose(corners[0], corners[1], corners[2]);
     }
 
-    Coder& coder_;
     const Level& coarse_level_;
     Level& fine_;
-    Model& model_;
     FacesMemory& memory_;
     FacesTraits traits_;
     Front front_;
     CoarseFaces coarse_;
     Candidates<effort, positions> candidates_;
-    Span<Context> contexts_;
-    typename Model::DecisionMixer mixer_;
+    FacesDecisions<effort, positions, Coder> decisions_;
     TruthIndex& truth_;
     float unit_ = 1;
     size_t later_next_ = 0, within_next_ = 0;
-    bool failed_ = false, unanswered_ = false;
+    bool failed_ = false, unanswered_ = false, had_extra_ = false;
     int32_t last_leftover_ = 0;
 
 public:
