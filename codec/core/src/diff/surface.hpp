@@ -10,13 +10,13 @@
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-struct Surface {
+struct SurfaceFit {
     F32x4 normal = {}; // of length 1, or 0
     float height = 0;  // over the cell's middle, along the normal
 };
 
 struct WideView {
-    Surface surface;
+    SurfaceFit surface;
     int surface_class; // how wrong the surfaces of the ring were, as an error class; the last one without a surface
     F32x4 quadric;     // the offset to the surface, along its normal, from Surroundings::smoothed
     Expert pairs;
@@ -46,7 +46,7 @@ MESHTIDE_INLINE F32x4 fourth_lanes(const Rows3& m) { return F32x4{m.a[3], m.b[3]
 } // namespace detail
 
 // scale: the length that counts as near.
-MESHTIDE_INLINE Surface fit_surface(Patch& patch, F32x4 normal, float scale) {
+MESHTIDE_INLINE SurfaceFit fit_surface(Patch& patch, F32x4 normal, float scale) {
     using namespace detail;
     for (int i = 0; i < 3; i++) patch.points[patch.count + i] = splat(0); // without weight
     // T. Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (1), 2017.
@@ -109,7 +109,7 @@ MESHTIDE_INLINE void look_wide(const Surroundings& seen, Patch& patch, const Dif
         above -= patch.points[i] == splat(1);
     }
     wide.below = below, wide.above = above;
-    wide.surface = Surface{};
+    wide.surface = SurfaceFit{};
     wide.surface_class = ERROR_CLASSES - 1;
     if (dot3(seen.normal, seen.normal) > 0) {
         F32x4 squares = {};

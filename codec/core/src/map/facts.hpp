@@ -33,7 +33,7 @@ struct CellFacts {
     uint32_t coded_ratio = 0;  // leaves among the children of coded neighbours, 0 .. 4; 5: none
     uint32_t degree = 0;       // neighbours, 0 .. 15
     uint32_t age = 0;          // of leaves among the neighbours, 0 .. 5; 6: none
-    uint32_t spacing = 0;      // distance of the neighbours, a logarithm, 0 .. 15
+    uint32_t spacing = 0;      // distance of the neighbours, a binary_logarithm, 0 .. 15
     uint32_t fit = 0;          // how far coded neighbours missed their planes, 0 .. 9; 10: none is coded; 11: no normal
     uint32_t recent = 0;       // children of the cells coded last, 0 .. 15
     uint32_t recent_leaves = 0;       // leaves among these, 0 .. 31
@@ -65,7 +65,7 @@ struct ChildFacts {
 };
 
 // The greatest k up to 15 with 2^k <= value.
-MESHTIDE_INLINE uint32_t logarithm(float value) {
+MESHTIDE_INLINE uint32_t binary_logarithm(float value) {
     int exponent = static_cast<int>(std::bit_cast<uint32_t>(value) >> 23) - 127;
     return static_cast<uint32_t>(std::clamp(exponent, 0, 15));
 }
@@ -80,7 +80,7 @@ MESHTIDE_INLINE void describe(const Survey& s, CellFacts& facts) {
     facts.age = leaves == 0 ? 6 : std::min(3 * s.sum.ages() / (2 * leaves), 5u);
     float distance = n == 0 ? 0 : s.length / static_cast<float>(n);
     distance *= distance;
-    facts.spacing = logarithm(distance * distance);
+    facts.spacing = binary_logarithm(distance * distance);
     facts.normal_class = 6;
     facts.fit = 11;
     if (s.oriented) {

@@ -234,7 +234,7 @@ private:
     const Mix mixer_;
     const bool last_;
     const float step_; // half finest steps in half a coarse cell
-    Surroundings around_{};
+    Vicinity around_{};
     MapQuestion<effort> question_;
     size_t vertices_ = 0;        // of the finer level
     size_t needed_ = 0;          // finest vertices that there must be

@@ -7,7 +7,7 @@
 namespace meshtide::inline MESHTIDE_ISA {
 
 // Of the vertices of the coarse level, as the walk goes over them.
-struct Surroundings {
+struct Vicinity {
     Span<const F32x4> centres; // of the cells; in half finest steps
     Span<const Note> notes;
     // Where a cell's children are in the mean, if it is coded, otherwise its centre. Fourth lane: how far its children
@@ -85,7 +85,7 @@ MESHTIDE_INLINE void find_frame(Survey& s, F32x4 turn, F32x4 plane) {
 
 // `touching`: whether neighbours that touch the cell are taken from the ring.
 template <bool touching>
-MESHTIDE_INLINE void take_survey(Survey& s, const Surroundings& around, const Ring& ring, size_t v) {
+MESHTIDE_INLINE void take_survey(Survey& s, const Vicinity& around, const Ring& ring, size_t v) {
     const F32x4 zero = splat(0), centre = around.centres[v], scale = splat(around.scale);
     F32x4 lengths = zero, mean = zero, known = zero, bulge = zero, turn = zero, first = zero, before = zero;
     s.count = static_cast<uint32_t>(ring.count);
@@ -139,7 +139,7 @@ MESHTIDE_INLINE void take_survey(Survey& s, const Surroundings& around, const Ri
 }
 
 // Neighbours that touch cell v, whether or not they are in its ring.
-inline void find_contacts(Survey& s, const Surroundings& around, const CellIndex& index, size_t v) {
+inline void find_contacts(Survey& s, const Vicinity& around, const CellIndex& index, size_t v) {
     index.find_neighbours(around.centres[v], [&](const Direction& direction, size_t w) {
         s.contacts.add(direction.axes, direction.positive, around.notes[w]);
     });
