@@ -204,18 +204,17 @@ public:
         size_t best_size = SIZE_MAX;
         for (int depth : {bits, std::min(bits + 1, original_.mesh.bits)}) {
             size_t place = coarsest_within(distance, depth, first, finest);
-            if (place < meshes_.size()) {
-                size_t nearest = thorough && place > first ? std::min(MORE_PLACES, place - first) : 0;
-                for (size_t coarser = 0; coarser <= nearest; coarser++) {
-                    // The place itself first, then those before it in their order.
-                    size_t near = coarser == 0 ? place : place - nearest + coarser - 1;
-                    const Measured& measured = measure(near, depth, distance);
-                    if (!(measured.distance <= distance)) continue;
-                    size_t bytes = size_(measured.preview);
-                    if (bytes >= best_size) continue;
-                    best_size = bytes;
-                    best = std::make_unique<Found>(Found{near, copy(measured.preview), measured.distance});
-                }
+            if (place >= meshes_.size()) continue;
+            size_t nearest = thorough ? std::min(MORE_PLACES, place - first) : 0;
+            for (size_t coarser = 0; coarser <= nearest; coarser++) {
+                // The place itself first, then those before it in their order.
+                size_t near = coarser == 0 ? place : place - nearest + coarser - 1;
+                const Measured& measured = measure(near, depth, distance);
+                if (!(measured.distance <= distance)) continue;
+                size_t bytes = size_(measured.preview);
+                if (bytes >= best_size) continue;
+                best_size = bytes;
+                best = std::make_unique<Found>(Found{near, copy(measured.preview), measured.distance});
             }
             if (!thorough) break;
         }
