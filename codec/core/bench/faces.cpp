@@ -1,4 +1,6 @@
-// Bench of the faces layer: bytes, time, training, damaged payloads.
+// Bench of the faces layer: bytes, time (-r runs), training (-t, -q: in few steps), odd meshes (-o), damage (-z
+// rounds). -s: the file of states, as in src/faces/states (there compressed by xz); -h: effort high; -c: without
+// positions; -12: the twelve meshes; -glb: three that nothing is trained on.
 #include "faces/faces.hpp"
 
 #include "layers.hpp"
@@ -168,27 +170,29 @@ bool read_array(FILE* file, Array<T>& array) {
 
 bool coarsely = false;
 
-// Trained states in few steps, so that they take little: log-odds in 32, weights in 64ths, scores in 8ths of doublings.
+// Trained states in few steps, so that they take little: log-odds in 31, weights in 32ths, scores in 4ths of doublings.
 template <class Model>
 void coarsen(Model& model) {
+    const int finer = Model::high ? 4 : 1; // more terms make a score there
+    const double steps = Model::high ? 2.2 : 1.6;
     for (Context& context : model.contexts) {
-        if (context.slow_rate > 16384) { // hardly seen
+        if (context.slow_rate > 10000) { // hardly seen
             context = Context{};
             continue;
         }
         double p = (context.slow + 0.5) / 65536;
-        double step = std::round(std::log(p / (1 - p)) * 2.2);
+        double step = std::round(std::log(p / (1 - p)) * steps);
         step = std::max(-15.0, std::min(15.0, step));
-        context.slow = context.fast = static_cast<uint16_t>(65536 / (1 + std::exp(-step / 2.2)));
+        context.slow = context.fast = static_cast<uint16_t>(65536 / (1 + std::exp(-step / steps)));
         context.slow_rate = 65536 / 14, context.fast_rate = 65536 / 10;
     }
     auto rounded = [](int16_t x, int step) {
         int y = (x + (x < 0 ? -step : step) / 2) / step * step;
         return static_cast<int16_t>(std::max(-32767, std::min(32767, y)));
     };
-    for (int16_t& w : model.weights) w = rounded(w, 256);
-    for (int16_t& w : model.final_weights) w = rounded(w, 256);
-    for (int16_t& score : model.scores) score = rounded(score, 128);
+    for (int16_t& w : model.weights) w = rounded(w, 512 / finer);
+    for (int16_t& w : model.final_weights) w = rounded(w, 512 / finer);
+    for (int16_t& score : model.scores) score = rounded(score, 256 / finer);
 }
 
 template <Effort effort, bool positions>
