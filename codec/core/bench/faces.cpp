@@ -1,4 +1,6 @@
-// Bench of the faces layer: bytes, time, training, damaged payloads.
+// Bench of the faces layer: bytes, time (-r runs), training (-t, -q: in few steps), odd meshes (-o), damage (-z
+// rounds). -s: the file of states, as in src/faces/states (there compressed by xz); -h: effort high; -c: without
+// positions; -12: the twelve meshes; -glb: three that nothing is trained on.
 #include "faces/faces.hpp"
 
 #include "layers.hpp"
@@ -166,6 +168,33 @@ bool read_array(FILE* file, Array<T>& array) {
     return std::fread(array.begin(), sizeof(T), array.size(), file) == array.size();
 }
 
+bool coarsely = false;
+
+// Trained states in few steps, so that they take little: log-odds in 31, weights in 32ths, scores in 4ths of doublings.
+template <class Model>
+void coarsen(Model& model) {
+    const int finer = Model::high ? 4 : 1; // more terms make a score there
+    const double steps = Model::high ? 2.2 : 1.6;
+    for (Context& context : model.contexts) {
+        if (context.slow_rate > 10000) { // hardly seen
+            context = Context{};
+            continue;
+        }
+        double p = (context.slow + 0.5) / 65536;
+        double step = std::round(std::log(p / (1 - p)) * steps);
+        step = std::max(-15.0, std::min(15.0, step));
+        context.slow = context.fast = static_cast<uint16_t>(65536 / (1 + std::exp(-step / steps)));
+        context.slow_rate = 65536 / 14, context.fast_rate = 65536 / 10;
+    }
+    auto rounded = [](int16_t x, int step) {
+        int y = (x + (x < 0 ? -step : step) / 2) / step * step;
+        return static_cast<int16_t>(std::max(-32767, std::min(32767, y)));
+    };
+    for (int16_t& w : model.weights) w = rounded(w, 512 / finer);
+    for (int16_t& w : model.final_weights) w = rounded(w, 512 / finer);
+    for (int16_t& score : model.scores) score = rounded(score, 256 / finer);
+}
+
 template <Effort effort, bool positions>
 int run(std::vector<std::string> names, bool train, int runs, const std::string& states, int epochs) {
     using L = Layer<effort, positions>;
@@ -256,6 +285,7 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
                 context.fast_rate = std::max<uint16_t>(context.fast_rate, 65536 / 10);
             }
         }
+        if (coarsely) coarsen(start);
         FILE* file = std::fopen(states.c_str(), "wb");
         write_array(file, start.scores), write_array(file, start.contexts), write_array(file, start.weights);
         write_array(file, start.final_weights);
@@ -457,6 +487,8 @@ int main(int argc, char** argv) {
             train = true;
         else if (a == "-e")
             epochs = std::atoi(argv[++i]);
+        else if (a == "-q")
+            coarsely = true;
         else if (a == "-o")
             odd = true;
         else if (a == "-z")

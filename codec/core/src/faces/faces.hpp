@@ -75,7 +75,7 @@ void code_faces(Coder& coder, const Level& coarse, Level& fine, FacesModel<effor
         return;
     }
     if constexpr (Coder::encoding) {
-        traits.several = coarse.face_count() < memory.several_limit && has_several(coarse, memory.budget);
+        traits.several = has_several(coarse, memory.budget);
         FacesModel<effort, positions> copy(memory.budget);
         Rehearsal rehearsal;
         for (bool clean : {true, false}) {

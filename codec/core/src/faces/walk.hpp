@@ -18,10 +18,9 @@ struct FacesMemory {
     Budget& budget;
     FrontMemory front;
     CoarseMemory coarse;
-    Array<int32_t> stack, later, within; // half-edges of gates
-    TruthIndex truth;                    // encoder only
-    bool answered = false, extra = false;
-    size_t several_limit = 2000000;
+    Array<int32_t> stack, later, within;  // half-edges of gates
+    TruthIndex truth;                     // encoder only
+    bool answered = false, extra = false; // what the encoder's last walk found, as in FacesTraits
 };
 
 // What the encoder finds out about a level before it writes it.
