@@ -5,6 +5,7 @@
     MeshtideError
     ├── MeshError                  the input mesh is not usable (NaN, index out of range, empty)
     │   └── MeshFileError          a file cannot be read or written as a mesh
+    ├── CoreError                  the compiled core is missing, older than its sources, or not for this machine
     ├── OptionError                an option is outside of its range (also a ValueError)
     ├── StreamError                bytes that are damaged, cut off, or not a meshtide stream
     │   ├── ContainerError         magic, version, header, packet table
@@ -39,6 +40,10 @@ class MeshError(MeshtideError):
 
 class MeshFileError(MeshError):
     """A file cannot be read or written as a mesh."""
+
+
+class CoreError(MeshtideError):
+    """The compiled core is missing, is older than its sources, or cannot be loaded on this machine."""
 
 
 class OptionError(MeshtideError, ValueError):

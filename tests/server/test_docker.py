@@ -113,6 +113,19 @@ def test_health_is_asked_with_what_is_in_the_image() -> None:
     assert set(service("meshtide")["depends_on"]) == {"database", "bucket"}
 
 
+def test_the_core_is_compiled_where_there_is_a_compiler_and_nowhere_else() -> None:
+    lines = instructions()
+    compiler = [
+        at for at, (name, value) in enumerate(lines) if name == "RUN" and re.search(r"apt-get install .*g\+\+", value)
+    ]
+    wheel = [at for at, (name, value) in enumerate(lines) if name == "RUN" and "pip wheel" in value]
+    assert len(compiler) == len(wheel) == 1
+    assert compiler < wheel
+    assert not any("apt-get" in value for _, value in final_stage())
+    assert ("COPY", "codec codec") in lines[: wheel[0]]
+    assert "**/libmeshtide_core_*" in (ROOT / ".dockerignore").read_text().splitlines()
+
+
 def test_kernels_are_compiled_in_the_image_for_every_processor() -> None:
     build = [value for name, value in instructions() if name == "RUN" and "warm_up" in value]
     assert len(build) == 1

@@ -1,0 +1,26 @@
+#include "base/failure.hpp"
+
+#ifdef __wasm__
+
+namespace meshtide {
+
+extern "C" {
+Failure mt_last_failure = {Fault::none, ""};
+}
+
+void fail(const Failure& failure) {
+    mt_last_failure = failure;
+    __builtin_trap();
+}
+
+} // namespace meshtide
+
+#else
+
+namespace meshtide {
+
+void fail(const Failure& failure) { throw failure; }
+
+} // namespace meshtide
+
+#endif

@@ -1,0 +1,73 @@
+// The contexts and the mixer of the Diff layer.
+#pragma once
+
+#include "base/effort.hpp"
+#include "entropy/mixing.hpp"
+#include "entropy/states.hpp"
+
+namespace meshtide::inline MESHTIDE_ISA {
+
+// How many places each context has, and how many neurons there are of each kind; see questions.hpp.
+template <Effort effort>
+struct DiffShape {
+    static constexpr bool high = effort == Effort::high;
+    static constexpr int groups = high ? 4 : 2, contexts = 4 * groups, neurons = high ? 8 : 4;
+    static constexpr int JOINT_PLACES = 4 * 4 * 7 * 8 * 5;
+    static constexpr int context_sizes[16] = {
+        12 * 10 * 2 * 6, 5 * 4 * 3 * 4 * 2, 10 * 8 * 3 * 3 * 5, JOINT_PLACES + 8 * 9 * 2, // plane, alignment, across
+        16 * 8 * 4 * 4,  12 * 9 * 8 * 8,    3 * 3 * 16 * 8,     16 * 7 * 7,               // midpoint, ring
+        24 * 4 * 24,     12 * 9 * 9 * 4,    5 * 5 * 3 * 3 * 4,  16 * 9 * 9,               // surface
+        16 * 8 * 4 * 4,  12 * 9 * 8 * 8,    16 * 8 * 4 * 4,     12 * 9 * 4 * 4,           // pairs, ring, far mean
+    };
+    static constexpr int neuron_sizes[8] = {
+        24 * 4,    9 * 3 * 3, 8 * 8, 16 * 3,    // errors, alignment, trust, members
+        3 * 8 * 3, 24 * 4,    8 * 8, 5 * 5 * 3, // age, surface, pairs, alignment with the patch
+    };
+
+    static constexpr int sum(const int* sizes, int count) {
+        return count == 0 ? 0 : sizes[0] + sum(sizes + 1, count - 1);
+    }
+    static constexpr int first_place(int context) { return sum(context_sizes, context); }
+    static constexpr int first_neuron(int kind) { return sum(neuron_sizes, kind); }
+    static constexpr size_t context_count = static_cast<size_t>(sum(context_sizes, contexts));
+    static constexpr size_t neuron_count = static_cast<size_t>(sum(neuron_sizes, neurons));
+    static constexpr size_t final_neuron_count = 3 * 8;
+};
+
+template <Effort effort>
+struct DiffModel {
+    using Shape = DiffShape<effort>;
+    using DiffMixer = Mixer<Shape::groups, Shape::neurons, 4>;
+
+    // As if there had been no training.
+    explicit DiffModel(Budget& budget) : contexts(budget), weights(budget), final_weights(budget) {
+        constexpr auto lanes = static_cast<size_t>(DiffMixer::lanes);
+        contexts.assign(Shape::context_count, Context{});
+        weights.assign(Shape::neuron_count * lanes, 0);
+        for (size_t i = 0; i < weights.size(); i++)
+            if (i % lanes < lanes - 8 && (i & 8) == 0)
+                weights[i] = WEIGHT_ONE / (6 * Shape::groups); // what is stretched
+        final_weights.assign(Shape::final_neuron_count * 8, WEIGHT_ONE / Shape::neurons);
+    }
+    void copy(const DiffModel& other) {
+        contexts.copy(other.contexts.span());
+        weights.copy(other.weights.span());
+        final_weights.copy(other.final_weights.span());
+    }
+
+    // Its trained states.
+    template <class Coder>
+    void code_states(Coder& coder, StatesModel& states) {
+        constexpr uint16_t SETTLED_RATE = 65536 / 16; // as after 14 decisions
+        states.code_contexts(coder, contexts.span(), SETTLED_RATE);
+        states.code_weights(coder, weights.span(), static_cast<size_t>(DiffMixer::lanes), 10);
+        states.code_weights(coder, final_weights.span(), 8, 8);
+    }
+
+    MixerStates mixer_states() { return {contexts.span(), weights.span(), final_weights.span()}; }
+
+    Array<Context> contexts;
+    Array<int16_t> weights, final_weights;
+};
+
+} // namespace meshtide::inline MESHTIDE_ISA

@@ -1,0 +1,165 @@
+#include "diff/slice.hpp"
+
+#include <algorithm>
+
+namespace meshtide::inline MESHTIDE_ISA {
+
+namespace {
+
+// The Morton code of the lowest finest step in a vertex' cell.
+uint64_t code_of(const Level& level, size_t vertex, int bits) {
+    int side = bits - level.cell_depths[vertex];
+    uint32_t steps[3];
+    for (int k = 0; k < 3; k++) steps[k] = static_cast<uint32_t>(level.centres[vertex][k]) >> (side + 1) << side;
+    uint64_t code = 0;
+    for (int i = bits - 1; i >= 0; i--)
+        for (uint32_t step : steps) code = code << 1 | (step >> i & 1);
+    return code;
+}
+
+size_t first_not_before(const Level& level, uint64_t code, int bits) {
+    size_t low = 0, high = level.vertex_count();
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        if (code_of(level, middle, bits) < code)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+} // namespace
+
+DiffSlice::DiffSlice(Budget& budget, SliceRange range, MirrorPlane mirror)
+    : budget_(budget), range_(range), mirror_(mirror), rows_(budget), leaf_depths_(budget), ring_starts_(budget),
+      neighbours_(budget), closed_(budget), shares_(budget), partners_(budget), likenesses_(budget), old_rows_(budget),
+      old_leaf_depths_(budget), old_partners_(budget), moved_(budget), old_likenesses_(budget) {}
+
+DiffSlice::Run DiffSlice::run_of(const Level& level) const {
+    size_t first = range_.first == 0 ? 0 : first_not_before(level, range_.first, range_.bits);
+    bool last = range_.end >> (3 * range_.bits) != 0;
+    size_t end = last ? level.vertex_count() : first_not_before(level, range_.end, range_.bits);
+    return {first, std::max(first, end)};
+}
+
+void DiffSlice::enter(const Level& level) {
+    if (level.depth != level_depth_ + 1 || known_depth_ != std::max(level_depth_, 0))
+        fail(Fault::argument, "a slice goes from level to level, when the Diffs of each are known");
+    old_rows_.swap(rows_);
+    old_leaf_depths_.swap(leaf_depths_);
+    old_partners_.swap(partners_);
+    old_likenesses_.swap(likenesses_);
+    Run old = run_;
+    run_ = run_of(level);
+    size_t count = run_.count();
+    rows_.resize(count);
+    leaf_depths_.resize(count);
+    if (mirror_.exists()) {
+        partners_.assign(count, NONE);
+        likenesses_.assign(count, Likeness::undecided);
+        moved_.assign(old.count(), NONE);
+    }
+    for (size_t i = 0; i < count; i++) {
+        size_t vertex = run_.first + i, parent = level.parents[vertex] - old.first;
+        leaf_depths_[i] = level.leaves[vertex] != 0 ? level.cell_depths[vertex] : NO_LEAF;
+        if (parent < old.count() && old_leaf_depths_[parent] != NO_LEAF) { // it was a leaf before
+            rows_[i] = old_rows_[parent];
+            if (mirror_.exists()) {
+                moved_[parent] = static_cast<int32_t>(i);
+                partners_[i] = old_partners_[parent]; // for now as it was called there
+                likenesses_[i] = old_likenesses_[parent];
+            }
+        } else {
+            F32x4 position = level.centres[vertex];
+            position[3] = static_cast<float>(level.depth);
+            rows_[i] = {position, F32x4{0, 0, 0, NEW_ERROR}};
+        }
+    }
+    for (int32_t& partner : partners_)
+        if (partner != NONE) partner = moved_[static_cast<size_t>(partner)];
+    level_depth_ = level.depth;
+    gather_rings(level);
+}
+
+// A vertex as a row. Another slice's gets one of its own each time that a ring touches it.
+int32_t DiffSlice::row_of(const Level& level, int32_t vertex) {
+    size_t place = static_cast<size_t>(vertex) - run_.first;
+    if (place < run_.count()) return static_cast<int32_t>(place);
+    F32x4 position = level.centres[static_cast<size_t>(vertex)];
+    rows_.push({position, F32x4{0, 0, 0, FOREIGN_ERROR}});
+    return static_cast<int32_t>(rows_.size() - 1);
+}
+
+// The Laplacians, and the rings of the vertices that have bits to come at this level.
+void DiffSlice::gather_rings(const Level& level) {
+    size_t count = run_.count();
+    bool last = std::none_of(leaf_depths_.begin(), leaf_depths_.end(), [](uint8_t depth) { return depth == NO_LEAF; });
+    ring_starts_.resize(count + 1);
+    closed_.resize(count);
+    shares_.resize(count);
+    neighbours_.clear();
+    ring_starts_[0] = 0;
+    for (size_t i = 0; i < count; i++) {
+        size_t vertex = run_.first + i;
+        RingSum ring = last || leaf_depths_[i] < level.depth ? gather_ring<true>(level, vertex)
+                                                             : gather_ring<false>(level, vertex);
+        ring_starts_[i + 1] = static_cast<uint32_t>(neighbours_.size());
+        closed_[i] = ring.closed;
+        shares_[i] = ring.members != 0 ? 1 / static_cast<float>(ring.members) : 0;
+        F32x4 laplacian = ring.members != 0 ? ring.sum * shares_[i] - rows_[i].position : splat(0);
+        laplacian[3] = rows_[i].laplacian[3];
+        rows_[i].laplacian = laplacian;
+    }
+}
+
+// A ring as walk_ring has it; kept among the neighbours, or only added up.
+template <bool keeping>
+DiffSlice::RingSum DiffSlice::gather_ring(const Level& level, size_t vertex) {
+    RingSum ring;
+    int32_t head = level.heads[vertex], h = head;
+    auto add = [&](int32_t h_to, int32_t back) {
+        int32_t member = level.corners[static_cast<size_t>(h_to)];
+        ring.members++;
+        size_t place = static_cast<size_t>(member) - run_.first;
+        if constexpr (keeping) {
+            int32_t across = back == NONE ? NONE : level.corners[static_cast<size_t>(previous_half_edge(back))];
+            DiffNeighbour neighbour = {row_of(level, member), NONE};
+            if (across != NONE) neighbour.across = row_of(level, across);
+            neighbours_.push(neighbour);
+            ring.sum += rows_[static_cast<size_t>(neighbour.member)].position;
+        } else {
+            ring.sum += place < run_.count() ? rows_[place].position : level.centres[static_cast<size_t>(member)];
+        }
+    };
+    while (h != NONE && ring.members < RING_LIMIT) {
+        int32_t ahead = next_half_edge(h), before = previous_half_edge(h);
+        add(ahead, keeping ? level.twins[static_cast<size_t>(ahead)] : NONE);
+        h = level.twins[static_cast<size_t>(before)];
+        if (h == head) {
+            ring.closed = true;
+            return ring;
+        }
+        if (h == NONE) add(before, NONE); // a border: the last member has no face behind it
+    }
+    if (keeping && ring.members != 0) neighbours_.back().across = NONE; // a member after it is left out
+    return ring;
+}
+
+void DiffSlice::tell(const Level& level, Span<F32x4> known) const {
+    Run run = run_of(level);
+    size_t row = 0, count = run_.count();
+    int told = std::min(level.depth, known_depth_);
+    for (size_t vertex = run.first; vertex < run.end; vertex++) {
+        F32x4 middle = level.centres[vertex];
+        middle[3] = static_cast<float>(level.cell_depths[vertex]);
+        // Leaves stand in the same order in all levels.
+        if (level.leaves[vertex] != 0 && level.cell_depths[vertex] <= known_depth_) {
+            while (row < count && leaf_depths_[row] > told) row++;
+            if (row < count) middle = rows_[row++].position;
+        }
+        known[vertex] = middle;
+    }
+}
+
+} // namespace meshtide::inline MESHTIDE_ISA
