@@ -1,8 +1,8 @@
 // The C interface: handles, checks of arguments, and failures as errors.
 #include "base/processor.hpp"
 #include "codec/compact_decoder.hpp"
-#include "self_check.hpp"
 #include "meshtide.h"
+#include "self_check.hpp"
 
 #include <cstddef>
 #include <new>
@@ -44,6 +44,7 @@ struct mt_encoder {
 
 namespace {
 
+#ifndef __wasm__ // where a failure ends the instance, and its host reads mt_last_failure
 void tell(mt_error* error, const Failure& failure, const PacketPlace* place) {
     if (error == nullptr) return;
     *error = {static_cast<int32_t>(failure.fault),
@@ -59,6 +60,7 @@ void tell(mt_error* error, const Failure& failure, const PacketPlace* place) {
     error->level = static_cast<int32_t>(place->level);
     error->slice = static_cast<int32_t>(place->slice);
 }
+#endif
 
 // Runs something that may fail. In WebAssembly a failure traps instead, see base/failure.cpp.
 template <class Work>
@@ -83,6 +85,11 @@ int32_t guarded(mt_error* error, Work work, const PacketPlace* place = nullptr) 
 
 void require(bool condition, const char* text) {
     if (!condition) fail(Fault::argument, text);
+}
+
+template <class T>
+Span<const T> lent(const T* data, uint64_t count) {
+    return {data, checked_size(count)};
 }
 
 void fill_fields(mt_stream& stream) {
@@ -128,15 +135,15 @@ void take_fields(const mt_header& fields, Header& header) {
     header.bits = fields.bits;
     for (size_t k = 0; k < 3; k++) header.origin[k] = fields.origin[k];
     header.extent = fields.extent;
-    header.packets.copy({reinterpret_cast<const PacketEntry*>(fields.packets), fields.packet_count});
-    header.states.copy({reinterpret_cast<const StateEntry*>(fields.states), fields.state_count});
+    header.packets.copy(lent(reinterpret_cast<const PacketEntry*>(fields.packets), fields.packet_count));
+    header.states.copy(lent(reinterpret_cast<const StateEntry*>(fields.states), fields.state_count));
     CompactOptions& compact = header.compact;
     compact.effort = fields.effort;
     compact.mirror_axis = fields.mirror_axis;
     compact.mirror_sum = fields.mirror_sum;
     compact.base_depth = fields.base_depth;
     std::memcpy(compact.strengths, fields.strengths, sizeof compact.strengths);
-    compact.slices.copy({fields.slices, fields.slice_count});
+    compact.slices.copy(lent(fields.slices, fields.slice_count));
     ClassicOptions& classic = header.classic;
     require(fields.levels <= sizeof classic.shifts, "more levels than B allows");
     classic.levels = fields.levels;
@@ -192,7 +199,7 @@ int32_t mt_stream_parse(const uint8_t* bytes, uint64_t size, const mt_limits* li
     std::unique_ptr<mt_stream> made;
     int32_t fault = guarded(error, [&] {
         made = std::make_unique<mt_stream>();
-        parse_header({bytes, size}, *reinterpret_cast<const Limits*>(limits), made->header);
+        parse_header(lent(bytes, size), *reinterpret_cast<const Limits*>(limits), made->header);
         fill_fields(*made);
     });
     *stream = fault == MT_OK ? made.release() : nullptr;
@@ -235,7 +242,7 @@ int32_t mt_decoder_push(mt_decoder* decoder, int32_t kind, int32_t level, int32_
                     "a packet of no kind, level or slice");
             decoder->decoder.push(
                 {static_cast<PacketKind>(kind), static_cast<uint32_t>(level), static_cast<uint32_t>(slice)},
-                {payload, size});
+                lent(payload, size));
         },
         &decoder->decoder.place());
 }
@@ -258,17 +265,17 @@ int32_t mt_encoder_new(const int32_t* positions, uint64_t vertex_count, const in
     std::unique_ptr<mt_encoder> made;
     int32_t fault = guarded(error, [&] {
         require(options->bits >= LEAST_BITS && options->bits <= MOST_BITS, "B is not 4..20");
-        check_mesh({positions, 3 * vertex_count}, {faces, 3 * face_count}, options->bits);
+        check_mesh(lent(positions, 3 * vertex_count), lent(faces, 3 * face_count), options->bits);
         made = std::make_unique<mt_encoder>();
-        made->positions.copy({positions, 3 * vertex_count});
-        made->faces.copy({faces, 3 * face_count});
+        made->positions.copy(lent(positions, 3 * vertex_count));
+        made->faces.copy(lent(faces, 3 * face_count));
         made->octree =
             std::make_unique<Octree>(made->positions.span(), made->faces.span(), options->bits, made->budget);
         require(made->octree->depths.back().faces.size() == 3 * face_count, "a face that is there twice");
         Effort effort = options->effort == 0 ? Effort::standard : Effort::high;
         made->layers =
             make_encoder_layers(effort, made->budget, *made->octree, {options->mirror_axis, options->mirror_sum},
-                                {options->slices, options->slice_count});
+                                lent(options->slices, options->slice_count));
     });
     *encoder = fault == MT_OK ? made.release() : nullptr;
     return fault;

@@ -7,7 +7,7 @@ namespace meshtide::testing {
 namespace {
 
 constexpr uint64_t MEMORY = 1u << 28;
-constexpr uint64_t STREAMS = 0x26b175887afe38eb; // digest of all payloads and levels, the same on every machine
+constexpr uint64_t STREAMS = 0x6ed92ca29a3c136e; // digest of all payloads and levels, the same on every machine
 
 std::vector<size_t> shuffled(size_t count, Numbers& numbers) {
     std::vector<size_t> order(count);
@@ -95,7 +95,7 @@ void check_damage(RandomStream& stream, const std::vector<size_t>& order, Number
 void test_compact() {
     Numbers numbers, others{7};
     Digest digest;
-    for (int round = 0; round < 60; round++) {
+    for (int round = 0; round < 25; round++) {
         Budget budget(MEMORY);
         RandomMesh mesh = random_mesh(numbers, round % 20 == 0 ? 2000 : 150);
         RandomStream stream(budget);

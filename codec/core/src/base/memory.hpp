@@ -16,6 +16,13 @@
 
 namespace meshtide {
 
+// A count that a stream or a caller tells, as one of elements in memory.
+inline size_t checked_size(uint64_t count) {
+    if (count > SIZE_MAX) [[unlikely]]
+        fail(Fault::limit, "more elements than memory can have");
+    return static_cast<size_t>(count);
+}
+
 // How many bytes may still be taken.
 class Budget {
 public:

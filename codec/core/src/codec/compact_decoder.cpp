@@ -9,9 +9,9 @@ namespace {
 Plan plan_of(const Header& header) {
     Plan plan;
     plan.bits = header.bits;
-    plan.vertices = header.vertices();
+    plan.vertices = checked_size(header.vertices());
     for (const StateEntry& state : header.states)
-        plan.most_faces = std::max(plan.most_faces, static_cast<size_t>(state.faces));
+        plan.most_faces = std::max(plan.most_faces, checked_size(state.faces));
     plan.mirror = {header.compact.mirror_axis, header.compact.mirror_sum};
     return plan;
 }
@@ -196,8 +196,8 @@ void CompactDecoder::decode_preview(PacketPlace place, Span<const uint8_t> paylo
 
     Plan plan;
     plan.bits = bits;
-    plan.vertices = state->vertices;
-    plan.most_faces = state->faces;
+    plan.vertices = checked_size(state->vertices);
+    plan.most_faces = checked_size(state->faces);
     LevelChain chain(budget_, plan);
     const uint64_t whole[1] = {0};
     auto layers = make_decoder_layers(Effort::standard, budget_, plan, {whole, 1});
