@@ -13,7 +13,6 @@ using namespace meshtide;
 
 namespace {
 
-const std::string FOLDER = "/tmp/wt/data/";
 const std::vector<std::string> TWELVE = {"armadillo",  "beetle-alt", "casting",        "fandisk",
                                          "harley",     "homer",      "horse-quad",     "nefertiti-rgb",
                                          "rocker-arm", "spot",       "stanford-bunny", "truck"};
@@ -22,7 +21,7 @@ constexpr size_t SMALL_PACKET = 64; // bytes below which a bit plane waits for t
 
 struct Mesh {
     explicit Mesh(const std::string& name)
-        : sample(load_sample(name.find('/') == std::string::npos ? FOLDER + name + ".mesh" : name)), budget(PLENTY),
+        : sample(load_sample(name.find('/') == std::string::npos ? SAMPLES + name + ".mesh" : name)), budget(PLENTY),
           octree({sample.positions.data(), sample.positions.size()}, {sample.faces.data(), sample.faces.size()},
                  sample.bits, budget) {
         for (int b = 0; b <= sample.bits; b++) {
@@ -268,7 +267,7 @@ struct Bench {
 
 std::map<std::string, std::pair<double, double>> todays_sizes() { // default, high
     std::map<std::string, std::pair<double, double>> sizes;
-    FILE* file = std::fopen((FOLDER + "baseline.txt").c_str(), "r");
+    FILE* file = std::fopen((SAMPLES + "baseline.txt").c_str(), "r");
     if (file == nullptr) return sizes;
     char line[4096];
     while (std::fgets(line, sizeof line, file) != nullptr) {
@@ -370,6 +369,6 @@ int main(int argc, char** argv) {
             return 2;
     }
     bool high = arguments.effort == Effort::high;
-    if (arguments.states.empty()) arguments.states = high ? "/tmp/diff-high.states" : "/tmp/diff-standard.states";
+    if (arguments.states.empty()) arguments.states = high ? "diff-high.states" : "diff-standard.states";
     high ? run<Effort::high>(arguments) : run<Effort::standard>(arguments);
 }

@@ -1,5 +1,5 @@
 // Bench of the faces layer: bytes, time (-r runs), training (-t, -q: in few steps), odd meshes (-o), damage (-z
-// rounds). -s: the file of states, as in src/faces/states (there compressed by xz); -h: effort high; -c: without
+// rounds). -s: the file of states, as codec/core/states/faces-*.bin.xz, unpacked; -h: effort high; -c: without
 // positions; -12: the twelve meshes; -glb: three that nothing is trained on.
 #include "faces/faces.hpp"
 
@@ -210,7 +210,7 @@ int run(std::vector<std::string> names, bool train, int runs, const std::string&
         }
     }
     std::vector<std::unique_ptr<Bench>> benches;
-    for (auto& name : names) benches.push_back(std::make_unique<Bench>("/tmp/wt/data/" + name + ".mesh"));
+    for (auto& name : names) benches.push_back(std::make_unique<Bench>(SAMPLES + name + ".mesh"));
     FacesMemory memory(budget);
     if (train) {
         Trace trace;
@@ -431,7 +431,7 @@ template <Effort effort, bool positions>
 void test_damage(const std::vector<std::string>& names, int rounds) {
     using L = Layer<effort, positions>;
     for (auto& name : names) {
-        Bench bench("/tmp/wt/data/" + name + ".mesh");
+        Bench bench(SAMPLES + name + ".mesh");
         L layer;
         Budget budget(PLENTY);
         typename L::Model start(budget), model(budget);

@@ -11,6 +11,9 @@
 
 namespace meshtide {
 
+// Where samples are looked for by their names, from the folder that a bench runs in.
+inline const std::string SAMPLES = "samples/";
+
 struct Sample {
     std::string name;
     int bits = 12, mirror_axis = -1, mirror_sum = 0;

@@ -21,7 +21,7 @@ const char* const TRAINED[] = {
 struct Arguments {
     int rounds = 0, runs = 1, damages = 0;
     bool verbose = false;
-    std::string states = "/tmp/wt/data/states", effort;
+    std::string states = ".", effort;
     std::vector<std::string> meshes;
 };
 
@@ -314,7 +314,7 @@ int main(int count, char** values) {
             arguments.meshes.push_back(value);
     }
     std::map<std::string, std::array<int, 2>> yardsticks; // Map bytes of today, default and high
-    if (FILE* file = std::fopen("/tmp/wt/data/baseline.txt", "r")) {
+    if (FILE* file = std::fopen((SAMPLES + "baseline.txt").c_str(), "r")) {
         char line[4096], name[256];
         while (std::fgets(line, sizeof line, file) != nullptr) {
             if (std::sscanf(line, "%255s", name) != 1) continue;
