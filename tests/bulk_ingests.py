@@ -11,7 +11,8 @@ from meshes import grid
 from meshtide_codec.command_options import profile_options
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh_files import load_mesh, save_mesh
-from meshtide_server.catalogue import Catalogue, MeshQuery, MeshRecord
+from meshtide_codec.stream.mesh_query import MeshQuery
+from meshtide_server.catalogue import Catalogue, MeshRecord
 from meshtide_server.store import stream_key
 from meshtide_server.store.opening import open_store
 
@@ -71,7 +72,7 @@ def kept(store_url: str, database_url: str) -> Kept:
     async def read() -> Kept:
         catalogue, store = await Catalogue.open(database_url), open_store(store_url)
         try:
-            page = await catalogue.meshes.list(MeshQuery(limit=1000))
+            page = await catalogue.meshes.list(MeshQuery(), 1000)
             streams = {mesh.id: await store.get(stream_key(mesh.stream or "")) for mesh in page.meshes}
             return Kept({mesh.id: mesh for mesh in page.meshes}, streams, {info.key async for info in store.list()})
         finally:

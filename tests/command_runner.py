@@ -1,4 +1,4 @@
-"""The codec's commands, run inside of the test process."""
+"""The commands of codec and laboratory, run inside of the test process."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import typer
 from typer.testing import CliRunner
 
-from meshtide_codec import commands
+from meshtide_codec.commands import register as register_codec
+from meshtide_lab.comparison.commands import register as register_comparison
 
 if TYPE_CHECKING:
     from click.testing import Result
@@ -16,5 +17,6 @@ if TYPE_CHECKING:
 def meshtide(*arguments: object, given: bytes | None = None) -> Result:
     """What a command answers; an error that it raises is its `exception`; `given` stands on its standard input."""
     app = typer.Typer()
-    commands.register(app)
+    register_codec(app)
+    register_comparison(app)
     return CliRunner().invoke(app, [str(argument) for argument in arguments], input=given, catch_exceptions=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from meshtide_codec.comparison.mesh_comparison import FITTED_LADDER, LADDER, MESHTIDE, CodedFile, MeshComparison
-from meshtide_codec.comparison.states import State
+from meshtide_codec.report.states import StreamState
+from meshtide_lab.comparison.mesh_comparison import FITTED_LADDER, LADDER, MESHTIDE, CodedFile, MeshComparison
 
 
-def curve(*points: tuple[int, float]) -> list[State]:
+def curve(*points: tuple[int, float]) -> list[StreamState]:
     """States of (bytes, RMS), the maximum twice that."""
-    return [State(f"state {place}", size, 10, 20, rms, 2 * rms) for place, (size, rms) in enumerate(points)]
+    return [StreamState(f"state {place}", size, 10, 20, rms, 2 * rms) for place, (size, rms) in enumerate(points)]
 
 
 def comparison(name: str, *, bits: int = 12, bare: int = 900, draco: int | None = 1000) -> MeshComparison:

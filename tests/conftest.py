@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from hypothesis import settings
 
-# The first example of a test may compile kernels, which takes seconds.
+# A busy machine may take seconds for an example.
 settings.register_profile("meshtide", deadline=None)
 settings.load_profile("meshtide")

@@ -14,9 +14,10 @@ import numpy as np
 
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
-from meshtide_codec.encoder import EncodedMesh, Options, encode
+from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.profile import Profile
 from meshtide_codec.quantize import quantize
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -77,7 +78,7 @@ class Variant:
     """One of the golden streams: what is encoded, and how."""
 
     make: Callable[[], Mesh]
-    options: Options
+    options: Profile
     store_order: bool = False
 
     def encode(self) -> EncodedMesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import socket
 import subprocess
@@ -31,7 +32,8 @@ def behind_nginx(urls: Sequence[str], folder: Path) -> Iterator[str]:
     text = CONFIGURATION.read_text().replace("/tmp", str(folder))  # noqa: S108 - what stands in the file
     text = text.replace("server meshtide:8000 max_fails=1 fail_timeout=2s;", servers)
     text = text.replace("listen 8080;", f"listen 127.0.0.1:{port};")
-    (folder / "nginx.conf").write_text(f"daemon off;\n{text}")
+    user = "user root;\n" if os.geteuid() == 0 else ""  # or its workers could not reach a folder of the tests
+    (folder / "nginx.conf").write_text(f"daemon off;\n{user}{text}")
     folder.chmod(0o755)
     command = [program, "-p", str(folder), "-c", str(folder / "nginx.conf")]
     with subprocess.Popen(command, stderr=subprocess.PIPE) as process:

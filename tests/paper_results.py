@@ -7,15 +7,15 @@ from functools import cache
 import numpy as np
 
 from meshes import grid
-from meshtide_client.paper.experiment import Arrays, FilterResult, LostDiff, SchemeResult, SurfaceDistance
-from meshtide_client.paper.mesh_result import PICTURED_FILTERS, MeshResult, new_mesh_result
-from meshtide_client.paper.noise_experiment import NoiseResult
-from meshtide_client.paper.norm_experiment import NORMS, NormResult
-from meshtide_client.paper.run import PaperResults
 from meshtide_codec.classic.geometry_bytes import GeometryBytes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.quantize import quantize
 from meshtide_codec.sphere import PAPER_FILTERS
+from meshtide_lab.paper.experiment import Arrays, FilterResult, LostDiff, SchemeResult, SurfaceDistance
+from meshtide_lab.paper.mesh_result import PICTURED_FILTERS, MeshResult, new_mesh_result
+from meshtide_lab.paper.noise_experiment import NoiseResult
+from meshtide_lab.paper.norm_experiment import NORMS, NormResult
+from meshtide_lab.paper.run import PaperResults
 
 OPTIONS = ClassicOptions(bits=8, coarsest_vertices=30)
 RATES = {"zeroth": 14.0, "gaussian": 41.0, "degree 1": 14.7, "degree 3": 14.8}

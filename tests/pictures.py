@@ -38,3 +38,10 @@ def unpacked(data: bytes) -> NDArray[np.uint8]:
             assert kind == 0
         image[row] = above = values
     return image
+
+
+def png_size(data: bytes) -> tuple[int, int]:
+    """Width and height of a PNG file of any kind."""
+    assert data.startswith(b"\x89PNG\r\n\x1a\n")
+    width, height = struct.unpack_from(">II", data, 16)
+    return width, height

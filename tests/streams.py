@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from hypothesis import strategies as st
 
 from meshes import grid
-from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
+from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import LimitError, MeshtideError, PacketError
 from meshtide_codec.filters import FilterSpec
+from meshtide_codec.quantize import morton_codes
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
 from meshtide_codec.stream.packets import Packet, PacketKind
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 @cache
@@ -23,6 +29,20 @@ def encoded_grid(side: int = 16, degree: int = 2) -> EncodedMesh:
     """A small mesh with several levels."""
     spec = FilterSpec("polynomial", degree=degree)
     return encode(grid(side), ClassicOptions(bits=8, coarsest_vertices=12, filter=spec))
+
+
+class Served:
+    """A real stream as a server has it."""
+
+    def __init__(self, side: int = 16) -> None:
+        self.encoded = encoded_grid(side)
+        self.header = self.encoded.header
+        self.header_bytes = self.header.to_bytes()
+        self.whole = self.encoded.to_bytes()
+
+    def packet_part(self, index: int, start: int, end: int) -> bytes:
+        """Bytes of a packet."""
+        return bytes(self.encoded.packet_bytes[index][start:end])
 
 
 def check_with_one_damaged_packet(encoded: EncodedMesh, data: st.DataObject) -> None:
@@ -43,13 +63,34 @@ def check_with_one_damaged_packet(encoded: EncodedMesh, data: st.DataObject) -> 
     for index, packet in enumerate(encoded.packets):
         try:
             decoder.push(replace(packet, payload=bytes(payload)) if index == victim else packet)
+            mesh = None if decoder.finest is None else decoder.mesh(decoder.finest)
         except MeshtideError as error:
             assert isinstance(error, PacketError | LimitError)
             return
-        if decoder.finest is not None:
-            mesh = decoder.mesh(decoder.finest)
+        if mesh is not None:
             assert np.isfinite(mesh.vertices).all()
             assert mesh.faces.size == 0 or mesh.faces.max() < len(mesh.vertices)
+
+
+def leaf_depths(encoded: EncodedMesh) -> NDArray[np.int64]:
+    """(n,) the least depth at which each vertex of the finest mesh is alone in its cell."""
+    bits, codes = encoded.header.bits, morton_codes(encoded.quantized.positions)
+    depths = np.full(len(codes), bits)
+    for depth in range(bits, -1, -1):
+        _, cells, counts = np.unique(codes >> np.uint64(3 * (bits - depth)), return_inverse=True, return_counts=True)
+        depths[counts[cells] == 1] = depth
+    return depths
+
+
+def slice_of(encoded: EncodedMesh, index: int) -> NDArray[np.bool_]:
+    """(n,) which vertices belong to a slice: by the Morton code of their leaf cells' lowest corners."""
+    bits = encoded.header.bits
+    shifts = (3 * (bits - leaf_depths(encoded))).astype(np.uint64)
+    corners = morton_codes(encoded.quantized.positions) >> shifts << shifts
+    options = encoded.header.options
+    assert isinstance(options, CompactHeader)
+    starts = [*options.slices, 1 << 3 * bits]
+    return (corners >= starts[index]) & (corners < starts[index + 1])
 
 
 class MadeUpStream:
@@ -58,7 +99,7 @@ class MadeUpStream:
     def __init__(self, lengths: tuple[int, ...] = (100, 5000, 20, 900), seed: int = 0) -> None:
         rng = np.random.default_rng(seed)
         kinds = [PacketKind.BASE, *[PacketKind.MAP_CONN, PacketKind.PARAM, PacketKind.DIFF] * len(lengths)]
-        coarsest = (len(lengths) + 1) // 3
+        coarsest = min((len(lengths) + 1) // 3, 12)
         places = [coarsest, *(coarsest - 1 - i // 3 for i in range(len(lengths)))]
         self.packets = [
             Packet(kind, max(level, 0), 0, rng.bytes(length))
@@ -78,7 +119,8 @@ class MadeUpStream:
             )
             for level in range(coarsest, -1, -1)
         )
-        self.header = StreamHeader("made-up", {"seed": seed}, 12, (0.5, -1.0, 2.0), 3.0, levels, table)
+        options = ClassicHeader(tuple(range(coarsest + 1)), FilterSpec(), frozenset(range(coarsest)))
+        self.header = StreamHeader(options, 12, (0.5, -1.0, 2.0), 3.0, levels, table)
         self.header_bytes = self.header.to_bytes()
 
     def packet_part(self, index: int, start: int, end: int) -> memoryview:

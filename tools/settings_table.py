@@ -9,10 +9,11 @@ import sys
 import typing
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pydantic import SecretStr
 
+from meshtide_server.serve_options import option_names
 from meshtide_server.settings import Settings
 
 if TYPE_CHECKING:
@@ -25,39 +26,12 @@ BEGIN, END = "<!-- settings -->\n", "<!-- end of settings -->\n"
 def table() -> str:
     """A Markdown table of every setting: variable, flag, default, meaning."""
     rows = ["| environment variable | option of `meshtide serve` | default | meaning |", "|---|---|---|---|"]
-    options = serve_options()
+    options = option_names()
     for name, field in Settings.model_fields.items():
         meaning = " ".join((field.description or "").split()).replace("|", "\\|")
         option = f"`{options[name]}`" if name in options else ""
         rows.append(f"| `MESHTIDE_{name.upper()}` | {option} | {_default(field)} | {meaning} |")
     return "\n".join(rows) + "\n"
-
-
-def serve_options() -> dict[str, str]:
-    """The option of `meshtide serve` for each setting that has one."""
-    import typer  # noqa: PLC0415 - slow, and only for this
-
-    from meshtide_server.commands import register  # noqa: PLC0415 - the same
-
-    app = typer.Typer()
-    register(app)
-    app.command("unused")(lambda: None)
-    group: Any = typer.main.get_command(app)
-    command = group.commands["serve"]
-    names = {
-        "allow_origin": "allowed_origins",
-        "allow_method": "allowed_methods",
-        "allow_header": "allowed_headers",
-        "unlimited_client": "unlimited_clients",
-        "trusted_proxy": "trusted_proxies",
-    }
-    found = {}
-    for parameter in command.params:
-        setting = names.get(parameter.name, parameter.name)
-        if setting in Settings.model_fields:
-            is_option = parameter.param_type_name == "option"
-            found[setting] = max(parameter.opts, key=len) if is_option else (parameter.name or "").upper()
-    return found
 
 
 def _default(field: FieldInfo) -> str:

@@ -18,13 +18,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from meshtide_client.address import MeshAddress, ServerAddress
-    from meshtide_client.curation.requests import change_mesh, delete_mesh, list_tags
-    from meshtide_client.fetching import FetchResult, fetch
-    from meshtide_client.listing import HostedMesh, list_meshes
-    from meshtide_client.mesh_search import MeshSearch
-    from meshtide_client.streaming import LevelFigures, ReceivedLevel, stream
-    from meshtide_client.transport import Link
+    from meshtide_client.connection.address import MeshAddress, ServerAddress
+    from meshtide_client.connection.link import Link
+    from meshtide_client.download.fetch import FetchResult, fetch
+    from meshtide_client.download.levels import LevelFigures, ReceivedLevel
+    from meshtide_client.download.stream import stream
+    from meshtide_client.remote.edit import change_mesh, delete_mesh, list_tags
+    from meshtide_client.remote.listing import HostedMesh, list_meshes
+    from meshtide_codec.stream.mesh_query import MeshQuery
     from meshtide_codec.stream.session import Until
 
 __all__ = [
@@ -33,7 +34,7 @@ __all__ = [
     "LevelFigures",
     "Link",
     "MeshAddress",
-    "MeshSearch",
+    "MeshQuery",
     "ReceivedLevel",
     "ServerAddress",
     "Until",
@@ -46,21 +47,21 @@ __all__ = [
 ]
 
 _HOMES = {
-    "FetchResult": "meshtide_client.fetching",
-    "HostedMesh": "meshtide_client.listing",
-    "LevelFigures": "meshtide_client.streaming",
-    "Link": "meshtide_client.transport",
-    "MeshAddress": "meshtide_client.address",
-    "MeshSearch": "meshtide_client.mesh_search",
-    "ReceivedLevel": "meshtide_client.streaming",
-    "ServerAddress": "meshtide_client.address",
+    "FetchResult": "meshtide_client.download.fetch",
+    "HostedMesh": "meshtide_client.remote.listing",
+    "LevelFigures": "meshtide_client.download.levels",
+    "Link": "meshtide_client.connection.link",
+    "MeshAddress": "meshtide_client.connection.address",
+    "MeshQuery": "meshtide_codec.stream.mesh_query",
+    "ReceivedLevel": "meshtide_client.download.levels",
+    "ServerAddress": "meshtide_client.connection.address",
     "Until": "meshtide_codec.stream.session",
-    "change_mesh": "meshtide_client.curation.requests",
-    "delete_mesh": "meshtide_client.curation.requests",
-    "fetch": "meshtide_client.fetching",
-    "list_meshes": "meshtide_client.listing",
-    "list_tags": "meshtide_client.curation.requests",
-    "stream": "meshtide_client.streaming",
+    "change_mesh": "meshtide_client.remote.edit",
+    "delete_mesh": "meshtide_client.remote.edit",
+    "fetch": "meshtide_client.download.fetch",
+    "list_meshes": "meshtide_client.remote.listing",
+    "list_tags": "meshtide_client.remote.edit",
+    "stream": "meshtide_client.download.stream",
 }
 
 

@@ -12,11 +12,12 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from meshtide_client.commands.deferred import deferred
 from meshtide_codec.command_line import ExitCode, run
 
 _GROUP = "meshtide.commands"
 _S3_LIBRARY = "obstore"
-_ORDER = ("codec", "server", "client")
+_ORDER = ("codec", "comparison", "server", "client", "paper", "simulation")
 
 
 def build() -> typer.Typer:
@@ -42,7 +43,7 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(ExitCode.INTERRUPTED)
     try:
-        run(app)
+        run(deferred(app))
     except SystemExit as ending:
         if _S3_LIBRARY in sys.modules:
             _leave_at_once(ending.code)

@@ -2,7 +2,7 @@
 
 A compiler is one that knows C++20 and vectors as the core uses them (g++ 12, clang++ 12, or newer). `CXX` names another
 one, which is then taken as it is. Zig's, which is clang with a C++ library that it builds when it is first used, takes
-two minutes then, and 400 MB.
+two to three times as long, and 400 MB.
 """
 
 from __future__ import annotations

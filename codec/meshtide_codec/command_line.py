@@ -128,14 +128,9 @@ def wide_console(*, stderr: bool = False) -> Console:
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """A progress display on standard error, shown only to a person; yields what is called with stage and fraction.
-
-    Compilation of kernels, which happens in the first run only, is announced on it.
-    """
+    """A progress display on standard error, shown only to a person; yields what is called with stage and fraction."""
     from rich.console import Console  # noqa: PLC0415 - heavy
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
-
-    from meshtide_codec.compilation import announced_compilation  # noqa: PLC0415 - heavy
 
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
@@ -145,8 +140,4 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
         def report(stage: str, fraction: float) -> None:
             bar.update(task, description=printable(f"{title}: {stage}"), completed=fraction)
 
-        def announce() -> None:
-            console.print("compiling kernels: this happens in the first run only, and takes a minute or two")
-
-        with announced_compilation(announce):
-            yield report
+        yield report

@@ -1,4 +1,4 @@
-"""The codec's part of the command `meshtide`: encode, decode, info, sphere; `compare` comes from `comparison`.
+"""The codec's part of the command `meshtide`: encode, decode, info, sphere.
 
 Imports of anything heavy happen inside the commands, so that `meshtide --help` answers at once.
 """
@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from meshtide_codec.comparison.commands import print_report, report_target, written_report
-from meshtide_codec.comparison.commands import register as register_comparison
-from meshtide_codec.shared_options import MaxFacesOption, MaxVerticesOption, OverwriteOption, named_path
+from meshtide_codec.shared_options import JsonOption, MaxFacesOption, MaxVerticesOption, OverwriteOption, named_path
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,7 +21,6 @@ if TYPE_CHECKING:
 StreamArgument = Annotated[
     Path, typer.Argument(help="A .tide file, or the beginning of one; - reads a pipe.", parser=named_path)
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -32,7 +29,6 @@ def register(app: typer.Typer) -> None:
     app.command()(decode)
     app.command()(info)
     app.command()(sphere)
-    register_comparison(app)
 
 
 def encode(
@@ -81,7 +77,10 @@ def encode(
             show_default=False,
         ),
     ] = None,
-    slices: Annotated[int | None, typer.Option(help="compact: into how many parts the Diffs are cut.")] = None,
+    slices: Annotated[
+        int | None,
+        typer.Option(help="compact: into how many parts the Diffs are cut; by default 1, and more for large meshes."),
+    ] = None,
     effort: Annotated[
         str | None,
         typer.Option(help="compact: default, or high: smaller, and slower to write and to read.", show_default=False),
@@ -118,6 +117,12 @@ def encode(
             parser=named_path,
         ),
     ] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option(
+            help="How many work at once; without it one fewer than there are processors. Bytes stay the same."
+        ),
+    ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -139,6 +144,7 @@ def encode(
     from meshtide_codec.own_streams import check_same_mesh, stream_target
     from meshtide_codec.printable import shown
     from meshtide_codec.quantize import DEFAULT_B
+    from meshtide_codec.report.output import print_report, report_target, written_report
 
     grid = chosen_grid(origin, extent, step, bits)
     options = profile_options(
@@ -167,7 +173,9 @@ def encode(
             loaded.check_order(mesh)
         if target.replaces:
             check_same_mesh(target, scene.mesh(), grid, by_name=output is None, overwrite=overwrite)
-        encoded = encode_mesh(loaded.mesh, options, grid=grid, store_order=store_order, progress=progress)
+        encoded = encode_mesh(
+            loaded.mesh, options, grid=grid, store_order=store_order, threads=threads, progress=progress
+        )
         progress("merged faces", 1.0)
         merged = merged_by_quantization(loaded.mesh, encoded.quantized)
     merged.check(strict=strict)
@@ -241,10 +249,11 @@ def decode(
     from meshtide_codec.mesh_files.write import format_of
     from meshtide_codec.order import in_input_order
     from meshtide_codec.output_policy import output_file
+    from meshtide_codec.own_streams import default_mesh
     from meshtide_codec.printable import shown
     from meshtide_codec.stream.container import read_available
 
-    path = output or stream.with_suffix(f".decoded.{kind or 'ply'}")
+    path = output or default_mesh(stream, kind or "ply")
     target = output_file(path, [stream], overwrite=overwrite, standard_output=True)
     kind = format_of(target.path, kind)
     limits = wanted_limits(max_vertices, max_faces)
@@ -300,14 +309,11 @@ def info(
 
     Example: meshtide info bunny.tide --json
     """
-    from meshtide_codec.errors import OptionError
     from meshtide_codec.limits import wanted_limits
     from meshtide_codec.stream.container import read_available
 
     header, packets, problem = read_available(_stream_bytes(stream), wanted_limits(max_vertices, max_faces))
     report = _report(header) | {"packets_present": len(packets), "problem": None if problem is None else str(problem)}
-    if statistics and header.profile != "classic":
-        raise OptionError("--statistics reads the Diffs of profile classic; those of other profiles are bit planes")
     if statistics:
         report["differences"] = _difference_statistics(header, packets)
     if as_json:
@@ -437,11 +443,10 @@ def _print_difference_statistics(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _predictor(report: Mapping[str, Any]) -> str:
-    """The filter of a header, whatever a stranger has written there."""
-    found = report["options"].get("filter")
-    if not isinstance(found, dict) or "kind" not in found:
+    """The filter of a classic stream."""
+    if "filter" not in report["options"]:
         return ""
-    spec = dict(found)
+    spec = dict(report["options"]["filter"])
     kind = spec.pop("kind")
     fields = ", ".join(f"{name} {value}" for name, value in spec.items())
     return f", predictor {kind} ({fields})" if fields else f", predictor {kind}"

@@ -1,23 +1,23 @@
 """How far two meshes are from each other: symmetric distance of their surfaces, as fractions of the original's size.
 
-Points spread evenly over each surface are searched for on the other (`closest_points`). The root mean square is that
-of the worse direction, the maximum that over both, over samples and all vertices; both are divided by the diagonal of
-the original's bounding box: the convention of Cignoni, Rocchini, Scopigno, "Metro: measuring error on simplified
-surfaces", Computer Graphics Forum 17 (1998), section 3. O((m + samples) log m) a measurement.
+Points spread evenly over each surface are searched for on the other (codec/core, surface/distance.hpp). The root mean
+square is that of the worse direction, the maximum that over both, over samples and all vertices; both are divided by
+the diagonal of the original's bounding box: the convention of Cignoni, Rocchini, Scopigno, "Metro: measuring error on
+simplified surfaces", Computer Graphics Forum 17 (1998), section 3. O((m + samples) log m) a measurement.
 """
 
 from __future__ import annotations
 
-import math
+from ctypes import byref, c_double
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from meshtide_codec.closest_points import TriangleTree
-from meshtide_codec.errors import OptionError
+from meshtide_codec import core
+from meshtide_codec.closest_points import lent_surface
+from meshtide_codec.errors import MeshError, OptionError
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
 DEFAULT_SAMPLES = 8_000
@@ -43,7 +43,7 @@ class Distortion:
 
 
 class DistortionMeter:
-    """Measures meshes against one original, which is made ready once.
+    """Measures meshes against one original, which is made ready once; threads may share it.
 
     Args:
         vertices: (n, 3) float64 of the original, finite.
@@ -56,6 +56,7 @@ class DistortionMeter:
         MeshError: the arrays are not of that form.
         OptionError: there are no samples, or no vertices.
 
+    >>> import numpy as np
     >>> square = np.array([[0.0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]])
     >>> meter = DistortionMeter(square, np.array([[0, 1, 2], [0, 2, 3]]))
     >>> found = meter.measure(square + np.array([0, 0, 0.5]), np.array([[1, 2, 3], [0, 1, 3]]))
@@ -73,19 +74,18 @@ class DistortionMeter:
     ) -> None:
         if samples < 1 or vertex_limit < 1:
             raise OptionError(f"a distance needs samples and vertices; {samples} and {vertex_limit} are none")
-        points = np.asarray(vertices, np.float64)
-        self._count = samples
-        self._seed = seed
-        self._centre = np.zeros(3)
-        self._scale = 1.0
-        if points.size:
-            low, high = points.min(axis=0), points.max(axis=0)
-            self._centre = low / 2 + high / 2
-            self._scale = _diagonal(low, high)
-        self._original = TriangleTree(self._scaled(points), faces)
-        self._samples = self._original.samples(samples, seed).points
-        self._vertex_limit = vertex_limit
-        self._vertices = self._original.used_vertices(vertex_limit)
+        self._meter = core.Handle("mt_meter_free")
+        original = lent_surface(vertices, faces)
+        core.call(
+            "mt_meter_new",
+            byref(original),
+            samples,
+            vertex_limit,
+            seed,
+            byref(self._meter.pointer),
+            argument_error=MeshError,
+        )
+        _, self._faces = original.kept  # which the core goes on reading
 
     def measure(self, vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Distortion:
         """The distance of another mesh (n, 3), (m, 3) from the original.
@@ -93,16 +93,10 @@ class DistortionMeter:
         Raises:
             MeshError: the arrays are not a mesh of finite vertices.
         """
-        other = TriangleTree(self._scaled(np.asarray(vertices, np.float64)), faces)
-        forth, farthest_forth = other.mean_and_largest(self._samples)
-        back, farthest_back = self._original.mean_and_largest(other.samples(self._count, self._seed + 1).points)
-        farthest = max(farthest_forth, farthest_back)
-        farthest = self._original.largest(other.used_vertices(self._vertex_limit), farthest)
-        farthest = other.largest(self._vertices, farthest)
-        return Distortion(math.sqrt(max(forth, back)), math.sqrt(farthest))
-
-    def _scaled(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (vertices - self._centre) / self._scale
+        rms, maximum = c_double(), c_double()
+        other = lent_surface(vertices, faces)
+        core.call("mt_meter_measure", self._meter, byref(other), byref(rms), byref(maximum), argument_error=MeshError)
+        return Distortion(rms.value, maximum.value)
 
 
 def distortion(
@@ -113,18 +107,9 @@ def distortion(
 ) -> Distortion:
     """The distance of two meshes (vertices, faces), see `DistortionMeter` for arguments and errors.
 
+    >>> import numpy as np
     >>> point = np.array([[1.0, 2.0, 3.0]]), np.zeros((0, 3), np.int32)
     >>> distortion(point, point)
     Distortion(rms=0.0, maximum=0.0)
     """
     return DistortionMeter(*original, samples=samples, seed=seed).measure(*other)
-
-
-def _diagonal(low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
-    """Length of the box's diagonal, safe from underflow; 1 for a point, whose distances are in its own unit."""
-    with np.errstate(over="ignore"):
-        sides = high - low
-    largest = float(sides.max())
-    if largest == 0.0 or not math.isfinite(largest):
-        return 1.0
-    return largest * math.sqrt(float(((sides / largest) ** 2).sum()))

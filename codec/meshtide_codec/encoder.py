@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.classic.encoder import ClassicEncoding
-from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.encoder import CompactEncoding
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.distortion import DistortionMeter
+from meshtide_codec.errors import OptionError
 from meshtide_codec.order import Order, order_packet
 from meshtide_codec.quantize import QuantizedMesh, quantize
 from meshtide_codec.stream.container import write_container
@@ -19,21 +20,20 @@ from meshtide_codec.stream.distances import stored_distances
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
+    from concurrent.futures import Future
 
     from numpy.typing import NDArray
 
     from meshtide_codec.grid import Grid
     from meshtide_codec.mesh import Mesh
+    from meshtide_codec.profile import Encoding, Profile
     from meshtide_codec.shown_state import ShownState
     from meshtide_codec.stream.packets import Packet
 
 DISTANCE_SAMPLES = 4000
 DISTANCE_VERTICES = 8192
 """What each state's distance is measured with: half a per cent of RMS from ten times as many samples."""
-
-Options = CompactOptions | ClassicOptions
-Encoding = CompactEncoding | ClassicEncoding
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,11 @@ class EncodedMesh:
 
 def encode(
     mesh: Mesh,
-    options: Options | None = None,
+    options: Profile | None = None,
     *,
     grid: Grid | None = None,
     store_order: bool = False,
+    threads: int | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> EncodedMesh:
     """Encode `mesh`; the same mesh and options give the same bytes.
@@ -72,6 +73,8 @@ def encode(
         options: `CompactOptions` or `ClassicOptions`; the compact profile's defaults when left out.
         grid: the grid to round to, where it is not to follow from the mesh alone; its step decides about B.
         store_order: whether the stream also tells how the input's vertices and faces stood, see `order`.
+        threads: how many work at once, at least 1; one fewer than there are processors when left out. The bytes do
+            not depend on it.
         progress: is called with the name of a stage and the fraction of it that is done.
 
     Raises:
@@ -84,6 +87,9 @@ def encode(
     (3, 1)
     """
     options = options or CompactOptions()
+    if threads is not None and threads < 1:
+        raise OptionError(f"there must be at least one thread, not {threads}")
+    workers = threads or max(1, (os.cpu_count() or 1) - 1)
     if progress is not None:
         progress("quantize", 0.0)
     if grid is None:
@@ -92,34 +98,29 @@ def encode(
         placed = grid.placed(mesh, options.bits)
         options = replace(options, bits=placed.bits)
         quantized = quantize(mesh, *placed)
-    encoding: Encoding
-    if isinstance(options, ClassicOptions):
-        encoding = ClassicEncoding(quantized, options, progress)
-    else:
-        encoding = CompactEncoding(quantized, options, progress)
+    encoding = options.encode(quantized, progress, workers)
     if store_order:
         order = Order(quantized.permutation, mesh.faces)
         encoding.packets.append(order_packet(order, quantized.faces, len(quantized.positions)))
-    return describe(encoding, quantized, progress)
+    return describe(encoding, quantized, progress, workers)
 
 
 def describe(
-    encoding: Encoding, quantized: QuantizedMesh, progress: Callable[[str, float], None] | None = None
+    encoding: Encoding,
+    quantized: QuantizedMesh,
+    progress: Callable[[str, float], None] | None = None,
+    threads: int = 1,
 ) -> EncodedMesh:
     """The stream of an encoding: its packets and the header that announces them, all distances measured."""
     table, packet_bytes = packet_table(encoding.packets)
-    meter = distance_meter(quantized.positions.astype(np.float64), quantized.faces)
+    distances = _distances(encoding.states, quantized, threads)
     levels = []
-    for done, state in enumerate(encoding.states):
+    for done, (state, (rms, maximum)) in enumerate(zip(encoding.states, distances, strict=True)):
         if progress is not None:
-            progress("distances", done / len(encoding.states))
-        rms, maximum = _distance(meter, quantized, state)
-        levels.append(LevelEntry(state.level, state.packet_count, state.vertices, len(state.faces), rms, maximum))
-    if progress is not None:
-        progress("distances", 1.0)
+            progress("distances", (done + 1) / len(encoding.states))
+        levels.append(LevelEntry(state.level, state.packet_count, state.vertices, state.faces, rms, maximum))
     header = StreamHeader(
-        profile=encoding.profile,
-        options=encoding.header.to_options(),
+        options=encoding.header,
         bits=quantized.bits,
         origin=(float(quantized.origin[0]), float(quantized.origin[1]), float(quantized.origin[2])),
         extent=quantized.extent,
@@ -142,10 +143,28 @@ def distance_meter(positions: NDArray[np.float64], faces: NDArray[np.int32]) -> 
     return DistortionMeter(positions, faces, samples=DISTANCE_SAMPLES, vertex_limit=DISTANCE_VERTICES)
 
 
-def _distance(meter: DistortionMeter, quantized: QuantizedMesh, state: ShownState) -> tuple[float, float]:
-    """RMS and maximum as the header stores them: zero for the mesh itself, never zero for anything else."""
-    drawn = state.draw()
-    if state.level == 0 and np.array_equal(drawn, quantized.positions):
+def _distances(states: Sequence[ShownState], quantized: QuantizedMesh, threads: int) -> Iterator[tuple[float, float]]:
+    """RMS and maximum of each state as the header stores them, measured side by side; few are drawn at a time."""
+    meter = distance_meter(quantized.positions.astype(np.float64), quantized.faces)
+    with ThreadPoolExecutor(threads) as pool:
+        measured: deque[Future[tuple[float, float]]] = deque()
+        for state in states:
+            if len(measured) == threads:
+                yield measured.popleft().result()
+            measured.append(pool.submit(_distance, meter, quantized, state.level, *state.draw()))
+        while measured:
+            yield measured.popleft().result()
+
+
+def _distance(
+    meter: DistortionMeter,
+    quantized: QuantizedMesh,
+    level: int,
+    drawn: NDArray[np.float64],
+    faces: NDArray[np.int32],
+) -> tuple[float, float]:
+    """Zero for the mesh itself, never zero for anything else."""
+    if level == 0 and np.array_equal(drawn, quantized.positions):
         return 0.0, 0.0
-    measured = meter.measure(drawn, state.faces)
+    measured = meter.measure(drawn, faces)
     return stored_distances(measured.rms, measured.maximum)

@@ -8,13 +8,14 @@ solution per coordinate. A prediction is the same bits on every machine: encoder
 from __future__ import annotations
 
 import math
+from ctypes import byref
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from meshtide_codec import filters_kernels
-from meshtide_codec.errors import ContainerError, MeshError, OptionError, ParamError
+from meshtide_codec import core
+from meshtide_codec.errors import MeshError, OptionError, ParamError
 from meshtide_codec.graph import Adjacency, apply_k, check_finite_values, check_points
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 Kind = Literal["zeroth", "gaussian", "taubin", "polynomial", "rational"]
 Basis = Literal["power", "chebyshev"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+"""As the core numbers them."""
 
 FIXED_DEGREES = {"zeroth": 0, "gaussian": 1, "taubin": 2}  # filters without fitted coefficients
 USED_FIELDS: dict[str, tuple[str, ...]] = {
@@ -34,9 +37,7 @@ USED_FIELDS: dict[str, tuple[str, ...]] = {
 MAXIMUM_DEGREE = 15
 MAXIMUM_DENOMINATOR_DEGREE = 4
 MAXIMUM_TAUBIN_FACTOR = 2.0
-INFINITE_NORM = "inf"  # how the l-infinity norm is written in a header
 
-GRID_INTERVALS = 4096  # where a denominator is evaluated on [0, 2] to bound it
 SMALLEST_DENOMINATOR = 1 / 256
 LARGEST_DENOMINATOR_RATIO = 256.0  # of its largest to its smallest value: bounds the iterations of a solution
 
@@ -60,8 +61,6 @@ class FilterSpec:
     Raises:
         OptionError: a value of another type or outside of its range.
 
-    >>> FilterSpec("polynomial", degree=2, norm=math.inf).to_header()
-    {'kind': 'polynomial', 'degree': 2, 'basis': 'power', 'norm': 'inf'}
     >>> FilterSpec("zeroth", degree=7) == FilterSpec("zeroth")
     True
     """
@@ -104,39 +103,6 @@ class FilterSpec:
             if name not in USED_FIELDS[self.kind]:
                 object.__setattr__(self, name, value)
 
-    def to_header(self) -> dict[str, str | int | float]:
-        """The fields that the kind uses, as plain msgpack types; see the class for an example."""
-        header: dict[str, str | int | float] = {"kind": self.kind}
-        for name in USED_FIELDS[self.kind]:
-            value = getattr(self, name)
-            header[name] = INFINITE_NORM if name == "norm" and value == math.inf else value
-        return header
-
-    @classmethod
-    def from_header(cls, header: object) -> FilterSpec:
-        """The filter that `to_header` wrote.
-
-        Raises:
-            ContainerError: a field is missing, unknown, of another type or out of range.
-
-        >>> FilterSpec.from_header({"kind": "gaussian"}).degree
-        1
-        """
-        if not isinstance(header, dict):
-            raise ContainerError(f"the filter must be a map, not {type(header).__name__}")
-        kind = header.get("kind")
-        if not isinstance(kind, str) or kind not in USED_FIELDS:
-            raise ContainerError(f"filter kind {kind!r} is not one of {', '.join(USED_FIELDS)}")
-        if set(header) != {"kind", *USED_FIELDS[kind]}:
-            raise ContainerError(f"a {kind} filter has the fields {('kind', *USED_FIELDS[kind])}")
-        fields = dict(header)
-        if fields.get("norm") == INFINITE_NORM:
-            fields["norm"] = math.inf
-        try:
-            return cls(**fields)
-        except OptionError as error:
-            raise ContainerError(f"filter in the header: {error}") from error
-
 
 def coefficient_count(spec: FilterSpec) -> int:
     """How many coefficients per coordinate a Param packet holds for this filter.
@@ -171,8 +137,13 @@ def basis_columns(adjacency: Adjacency, values: NDArray[np.float64], degree: int
     check_finite_values(values, "values")
     columns = np.empty((adjacency.vertex_count, degree + 1), np.float64, order="F")
     columns[:, 0] = values
-    fill = filters_kernels.power_columns if basis == "power" else filters_kernels.chebyshev_columns
-    fill(adjacency.offsets, adjacency.neighbours, columns)
+    for order in range(1, degree + 1):
+        column = apply_k(adjacency, columns[:, order - 1])
+        if basis == "chebyshev":
+            column -= columns[:, order - 1]
+            if order > 1:
+                column = 2.0 * column - columns[:, order - 2]
+        columns[:, order] = column
     return columns
 
 
@@ -209,22 +180,23 @@ def predict(
     """
     check_points(adjacency, extension, "extension")
     check_coefficients(spec, coefficients)
-    if spec.kind == "zeroth":
-        return extension.copy()
-    if spec.kind == "gaussian":
-        return extension - apply_k(adjacency, extension)
-    if spec.kind == "taubin":
-        raised = extension + spec.taubin_mu * apply_k(adjacency, extension)
-        return raised - spec.taubin_lambda * apply_k(adjacency, raised)
-    numerator = np.ascontiguousarray(coefficients[:, : spec.degree + 1], np.float64)
-    extension = np.ascontiguousarray(extension)
-    filtered = filters_kernels.power_polynomial if spec.basis == "power" else filters_kernels.chebyshev_polynomial
-    prediction = filtered(adjacency.offsets, adjacency.neighbours, extension, numerator)
-    if spec.kind == "rational":
-        for axis in range(3):
-            denominator = coefficients[axis, spec.degree + 1 :]
-            prediction[:, axis] = divide(adjacency, prediction[:, axis], denominator)
-    filters_kernels.restore_isolated(adjacency.offsets, extension, prediction)
+    filter_of_core = core.Filter(
+        KINDS.index(spec.kind),
+        spec.basis == "chebyshev",
+        spec.degree,
+        spec.denominator_degree,
+        spec.taubin_lambda,
+        spec.taubin_mu,
+    )
+    prediction = np.empty(extension.shape)
+    core.call(
+        "mt_graph_predict",
+        adjacency.graph,
+        byref(filter_of_core),
+        np.ascontiguousarray(coefficients),
+        np.ascontiguousarray(extension),
+        prediction,
+    )
     return prediction
 
 
@@ -240,13 +212,8 @@ def divide(adjacency: Adjacency, values: NDArray[np.float64], denominator: NDArr
         ParamError: the denominator is not safely positive on [0, 2].
     """
     _check_denominator(denominator)
-    if not denominator.any():
-        return values
-    right_side = np.ascontiguousarray(values)
-    solution = np.empty_like(right_side)
-    filters_kernels.solve_denominator(
-        adjacency.offsets, adjacency.neighbours, denominator.astype(np.float64), right_side, solution
-    )
+    solution = np.array(values)
+    core.call("mt_graph_divide", adjacency.graph, np.ascontiguousarray(denominator), len(denominator), solution)
     return solution
 
 
@@ -259,17 +226,7 @@ def is_safe_denominator(denominator: NDArray[np.float32]) -> bool:
     >>> is_safe_denominator(np.array([2.5], np.float32)), is_safe_denominator(np.array([-0.5], np.float32))
     (True, False)
     """
-    if not np.isfinite(denominator).all():
-        return False
-    coefficients = [float(coefficient) for coefficient in denominator]
-    points = np.arange(GRID_INTERVALS + 1) * (2.0 / GRID_INTERVALS)
-    values = np.zeros(GRID_INTERVALS + 1)
-    for coefficient in reversed([1.0, *coefficients]):
-        values = values * points + coefficient
-    steepest = sum(power * abs(q) * 2.0 ** (power - 1) for power, q in enumerate(coefficients, start=1))
-    slack = steepest / GRID_INTERVALS  # half the distance of two points, times the slope
-    lowest, highest = float(values.min()) - slack, float(values.max()) + slack
-    return lowest >= SMALLEST_DENOMINATOR and highest <= LARGEST_DENOMINATOR_RATIO * lowest
+    return bool(core.library().mt_is_safe_denominator(np.ascontiguousarray(denominator), len(denominator)))
 
 
 def check_coefficients(spec: FilterSpec, coefficients: NDArray[np.float32]) -> None:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import linprog
 
-from meshtide_codec import fit_kernels
+from meshtide_codec import core
 from meshtide_codec.filters import (
     Basis,
     FilterSpec,
@@ -46,6 +46,7 @@ REWEIGHTING_ROUNDS = 60
 PREPARING_ROUNDS = 12  # of reweighting before the l1 program
 FIRST_FLOOR = 0.1  # residuals are kept away from 0 by this share of the largest one, halved in each round ...
 LAST_FLOOR = 1e-6  # ... down to this
+NEGLIGIBLE = 1e-10  # of the longest column: what is left of a column below this length is rounding noise
 DENOMINATOR_SHRINKAGES = 7  # halvings of q_1, q_2, ... that are tried before the denominator is given up
 
 
@@ -99,11 +100,12 @@ def _fitted(
     adjacency: Adjacency, columns: NDArray[np.float64], residual: NDArray[np.float64], norm: float
 ) -> NDArray[np.float32]:
     """(1, 0, 0, ...) plus the shares of `columns` that bring `residual` nearest to 0; both arrays are used up."""
-    fit_kernels.clear_isolated_rows(adjacency.offsets, columns)
-    fit_kernels.clear_isolated_rows(adjacency.offsets, residual.reshape(-1, 1))
+    isolated = adjacency.degree == 0  # no filter moves those
+    columns[isolated] = 0.0
+    residual[isolated] = 0.0
     triangle = np.zeros((columns.shape[1], columns.shape[1]))
-    rank = fit_kernels.orthonormalise(columns, triangle)
-    shares = fit_kernels.project(columns, rank, residual)
+    rank = _orthonormalise(columns, triangle)
+    shares = _project(columns[:, :rank], residual)
     if norm != 2.0 and rank > 0 and residual.any():
         basis = columns[:, :rank]
         if norm == math.inf:
@@ -113,6 +115,50 @@ def _fitted(
         else:
             shares = shares + _reweighted(basis, residual, norm, REWEIGHTING_ROUNDS)
     return _rounded_back_substitution(triangle, shares)
+
+
+def _dot(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    """Sum of products in a fixed order: fast, accurate, and the same bits everywhere."""
+    return float(core.library().mt_dot(first, second, len(first)))
+
+
+def _orthonormalise(columns: NDArray[np.float64], triangle: NDArray[np.float64]) -> int:
+    """Replace `columns` (n, k), Fortran order, by an orthonormal Q with columns = Q triangle, as far as independent.
+
+    Modified Gram-Schmidt, done twice ("twice is enough"), which stays orthogonal to rounding however alike the columns
+    are. Returns how many leading columns are independent; the first one that is not ends the work.
+    """
+    count: int = columns.shape[1]
+    longest = 0.0
+    for column in range(count):
+        current = columns[:, column]
+        longest = max(longest, math.sqrt(_dot(current, current)))
+        triangle[:column, column] = _project(columns[:, :column], current)
+        length = math.sqrt(_dot(current, current))
+        if not length > NEGLIGIBLE * longest:
+            return column
+        triangle[column, column] = length
+        current /= length
+    return count
+
+
+def _project(columns: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Take from `values` (n,) its part along orthonormal columns (n, k); returns the (k,) shares."""
+    shares = np.zeros(columns.shape[1])
+    for _ in range(2):
+        for column, along in enumerate(columns.T):
+            share = _dot(along, values)
+            shares[column] += share
+            values -= share * along
+    return shares
+
+
+def _combine(columns: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum of shares[k] * columns[:, k], in order."""
+    result = np.zeros(len(columns))
+    for along, share in zip(columns.T, shares, strict=True):
+        result += share * along
+    return result
 
 
 def _rounded_back_substitution(triangle: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -149,7 +195,7 @@ def _least_maximum(
     scale = math.sqrt(len(residual))  # makes the entries of Q about 1
     rank = basis.shape[1]
     best = zeroth
-    best_maximum = float(np.abs(residual - fit_kernels.combine(basis, zeroth)).max())
+    best_maximum = float(np.abs(residual - _combine(basis, zeroth)).max())
     remaining = residual
     chosen = np.empty(0, np.int64)
     for _ in range(MAXIMUM_ROUNDS):
@@ -167,7 +213,7 @@ def _least_maximum(
         if solved.status != 0:
             break
         shares = solved.x[:rank] * (scale * unit)
-        remaining = residual - fit_kernels.combine(basis, shares)
+        remaining = residual - _combine(basis, shares)
         maximum = float(np.abs(remaining).max())
         if maximum < best_maximum - RELATIVE_GAP * unit:
             best, best_maximum = shares, maximum
@@ -187,7 +233,7 @@ def _least_sum(basis: NDArray[np.float64], residual: NDArray[np.float64]) -> NDA
     unit = float(np.abs(residual).max())
     scale = math.sqrt(len(residual))
     best = _reweighted(basis, residual, 1.0, PREPARING_ROUNDS)
-    remaining = residual - fit_kernels.combine(basis, best)
+    remaining = residual - _combine(basis, best)
     best_sum = float(np.abs(remaining).sum())
     signs = np.where(remaining < 0.0, -1.0, 1.0)
     band_size = max(SMALLEST_BAND, int(len(residual) ** (2 / 3)))
@@ -195,7 +241,7 @@ def _least_sum(basis: NDArray[np.float64], residual: NDArray[np.float64]) -> NDA
     in_doubt[_largest(-np.abs(remaining), band_size)] = True
     for _ in range(MAXIMUM_ROUNDS):
         settled = np.where(in_doubt, 0.0, signs)
-        pull = np.array([fit_kernels.dot(column, settled) for column in basis.T])
+        pull = np.array([_dot(column, settled) for column in basis.T])
         solved: Any = linprog(
             -residual[in_doubt] / unit,
             A_eq=basis[in_doubt].T * scale,
@@ -205,7 +251,7 @@ def _least_sum(basis: NDArray[np.float64], residual: NDArray[np.float64]) -> NDA
         )
         if solved.status == 0:
             shares = -solved.eqlin.marginals * (scale * unit)
-            remaining = residual - fit_kernels.combine(basis, shares)
+            remaining = residual - _combine(basis, shares)
             total = float(np.abs(remaining).sum())
             if total < best_sum:
                 best, best_sum = shares, total
@@ -234,13 +280,17 @@ def _reweighted(
     best, best_sum = np.zeros(rank), math.inf
     shares = best
     for turn in range(rounds):
-        magnitudes = np.abs(residual - fit_kernels.combine(basis, shares)) / unit
+        magnitudes = np.abs(residual - _combine(basis, shares)) / unit
         total = float((magnitudes**norm).sum())
         if total < best_sum:
             best, best_sum = shares, total
         floor = max(FIRST_FLOOR * 0.5**turn, LAST_FLOOR)
         weights = np.maximum(magnitudes, floor) ** (norm - 2.0)
-        fit_kernels.weighted_products(basis, rank, weights, residual, matrix, vector)
+        for column in range(rank):
+            weighted = weights * basis[:, column]
+            vector[column] = _dot(weighted, residual)
+            for other in range(column + 1):
+                matrix[column, other] = matrix[other, column] = _dot(weighted, basis[:, other])
         shares = np.linalg.lstsq(matrix, vector, rcond=None)[0].astype(np.float64)
     return best
 
@@ -280,7 +330,7 @@ def _rational(
     for axis in range(3):
         better = np.ascontiguousarray(error[:, axis])
         worse = np.ascontiguousarray(plain_error[:, axis])
-        if fit_kernels.dot(better, better) >= fit_kernels.dot(worse, worse):
+        if _dot(better, better) >= _dot(worse, worse):
             coefficients[axis] = plain[axis]
     return coefficients
 

@@ -7,12 +7,13 @@ Source: Balan & Taubin 2000, section 2, eq. (1).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from ctypes import byref
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec import graph_kernels
+from meshtide_codec import core
 from meshtide_codec.errors import MeshError
 
 if TYPE_CHECKING:
@@ -21,35 +22,32 @@ if TYPE_CHECKING:
 MAXIMUM_VERTICES = 2**31 - 1  # indices are int32
 
 
-@dataclass(frozen=True, eq=False)
 class Adjacency:
-    """Neighbours of every vertex, one list behind the other.
+    """Neighbours of every vertex of a triangle set; made by `build_adjacency`.
 
     Args:
-        offsets: (n+1,) int64; vertex v's neighbours are ``neighbours[offsets[v]:offsets[v + 1]]``.
-        neighbours: (e,) int32, ascending within each list; each undirected edge appears twice.
-
-    Raises:
-        MeshError: the arrays do not describe n lists of vertices below n.
+        graph: the core's, mt_graph.
     """
 
-    offsets: NDArray[np.int64]
-    neighbours: NDArray[np.int32]
-
-    def __post_init__(self) -> None:
-        if self.offsets.ndim != 1 or self.offsets.dtype != np.int64 or len(self.offsets) == 0:
-            raise MeshError("offsets must be an (n+1,) array of int64")
-        if self.neighbours.ndim != 1 or self.neighbours.dtype != np.int32:
-            raise MeshError("neighbours must be an (e,) array of int32")
-        if self.offsets[0] != 0 or self.offsets[-1] != len(self.neighbours) or np.any(np.diff(self.offsets) < 0):
-            raise MeshError("offsets must ascend from 0 to the number of neighbours")
-        if len(self.neighbours) and (self.neighbours.min() < 0 or self.neighbours.max() >= self.vertex_count):
-            raise MeshError(f"neighbours must lie in [0, {self.vertex_count})")
+    def __init__(self, graph: core.Handle) -> None:
+        self.graph = graph
+        self._lists = core.GraphLists()
+        core.library().mt_graph_get_lists(graph, byref(self._lists))
 
     @property
     def vertex_count(self) -> int:
         """Number of vertices, isolated ones included."""
-        return len(self.offsets) - 1
+        return int(self._lists.vertex_count)
+
+    @cached_property
+    def offsets(self) -> NDArray[np.int64]:
+        """(n+1,) int64; vertex v's neighbours are ``neighbours[offsets[v]:offsets[v + 1]]``."""
+        return core.copied(self._lists.offsets, (self.vertex_count + 1,), np.uint32).astype(np.int64)
+
+    @cached_property
+    def neighbours(self) -> NDArray[np.int32]:
+        """(e,) int32, ascending within each vertex's list; each undirected edge appears twice."""
+        return core.copied(self._lists.neighbours, (self._lists.neighbour_count,), np.int32)
 
     @property
     def degree(self) -> NDArray[np.int64]:
@@ -58,14 +56,11 @@ class Adjacency:
         return degree
 
     def __repr__(self) -> str:
-        return f"Adjacency({self.vertex_count} vertices, {len(self.neighbours) // 2} edges)"
+        return f"Adjacency({self.vertex_count} vertices, {self._lists.neighbour_count // 2} edges)"
 
 
 def build_adjacency(faces: NDArray[np.int32], vertex_count: int) -> Adjacency:
     """The vertex graph of a triangle set.
-
-    Two passes of a counting sort: lists with repetitions, then their transpose, which comes out sorted and is
-    thinned on the way. Besides the result it takes 48 bytes per face and 16 per vertex.
 
     Args:
         faces: (m, 3) int32.
@@ -86,20 +81,14 @@ def build_adjacency(faces: NDArray[np.int32], vertex_count: int) -> Adjacency:
         raise MeshError(f"faces must be an (m, 3) array of int32, not {faces.shape} of {faces.dtype}")
     if not 0 <= vertex_count <= MAXIMUM_VERTICES:
         raise MeshError(f"vertex count {vertex_count} is outside of [0, {MAXIMUM_VERTICES}]")
-    bad = graph_kernels.first_bad_face(faces, vertex_count)
-    if bad != graph_kernels.NO_BAD_FACE:
-        raise MeshError(f"face {bad} is {faces[bad].tolist()}, but there are {vertex_count} vertices")
-    starts = np.zeros(vertex_count + 1, np.int64)
-    graph_kernels.count_corner_neighbours(faces, starts)
-    sources = np.empty(starts[-1], np.int32)
-    ends = starts[:-1].copy()
-    graph_kernels.scatter_corner_neighbours(faces, ends, sources)
-    ends[:] = starts[:-1]
-    neighbours = np.empty(starts[-1], np.int32)
-    graph_kernels.transpose_unique(starts, sources, ends, neighbours)
-    offsets = np.empty(vertex_count + 1, np.int64)
-    graph_kernels.close_gaps(starts, ends, neighbours, offsets)
-    return Adjacency(offsets, neighbours[: offsets[-1]].copy())
+    bad = ((faces < 0) | (faces >= vertex_count)).any(axis=1)
+    if bad.any():
+        first = int(bad.argmax())
+        raise MeshError(f"face {first} is {faces[first].tolist()}, but there are {vertex_count} vertices")
+    graph = core.Handle("mt_graph_free")
+    faces = np.ascontiguousarray(faces)
+    core.call("mt_graph_new", faces, len(faces), vertex_count, byref(graph.pointer), argument_error=MeshError)
+    return Adjacency(graph)
 
 
 def apply_k(adjacency: Adjacency, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -122,13 +111,10 @@ def apply_k(adjacency: Adjacency, values: NDArray[np.float64]) -> NDArray[np.flo
         count = adjacency.vertex_count
         raise MeshError(f"values must be of shape ({count},) or ({count}, 3), not {values.shape}")
     check_finite_values(values, "values")
-    values = np.ascontiguousarray(values)
-    result = np.empty_like(values)
-    if values.ndim == 1:
-        graph_kernels.apply_k_to_column(adjacency.offsets, adjacency.neighbours, values, result)
-    else:
-        graph_kernels.apply_k_to_points(adjacency.offsets, adjacency.neighbours, values, result)
-    return result
+    products = np.empty(values.shape)
+    columns = 1 if values.ndim == 1 else 3
+    core.call("mt_graph_apply", adjacency.graph, np.ascontiguousarray(values), columns, products)
+    return products
 
 
 def check_points(adjacency: Adjacency, points: NDArray[np.float64], name: str) -> None:

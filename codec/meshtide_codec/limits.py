@@ -12,11 +12,6 @@ DECODER_BYTES_PER_FACE = 256
 own tables), used to refuse a header before anything is allocated; measured by tests/bench/memory.py."""
 
 
-FREE_VERTICES = 1 << 16
-FREE_FACES = 1 << 17
-"""What a level may hold however few bytes it takes."""
-
-
 @dataclass(frozen=True, slots=True)
 class Limits:
     """Largest claims of a stream that a decoder accepts.
@@ -32,9 +27,9 @@ class Limits:
         header_bytes: length of a stream header.
         packet_bytes: length of one packet.
         memory: bytes that decoding may take by estimate.
-        vertices_per_byte: vertices of a level beyond `FREE_VERTICES`, for each byte of the header and of the packets
+        vertices_per_byte: vertices of a level beyond 65536, for each byte of the header and of the packets
             that say what vertices and faces there are, down to that level.
-        faces_per_byte: the same of faces, beyond `FREE_FACES`.
+        faces_per_byte: the same of faces, beyond 131072.
 
     >>> Limits(vertices=1000).check_mesh(2000, 0)
     Traceback (most recent call last):
@@ -71,24 +66,6 @@ class Limits:
                 f"decoding would take about {memory} bytes; this decoder accepts {self.memory} (Limits.memory)",
                 level=level,
             )
-
-    def check_share(self, vertices: int, faces: int, stream_bytes: int, *, level: int | None = None) -> None:
-        """Raise LimitError when so few bytes claim a level of that size.
-
-        >>> Limits().check_share(1 << 22, 1 << 23, 319)
-        Traceback (most recent call last):
-        ...
-        meshtide_codec.errors.LimitError: the stream claims 4194304 vertices by 319 bytes; this decoder accepts 4096
-        a byte (Limits.vertices_per_byte; --max-vertices for commands)
-        """
-        for name, claimed, free in (("vertices", vertices, FREE_VERTICES), ("faces", faces, FREE_FACES)):
-            share = getattr(self, f"{name}_per_byte")
-            if claimed > max(free, share * stream_bytes):
-                raise LimitError(
-                    f"the stream claims {claimed} {name} by {stream_bytes} bytes; this decoder accepts {share} a byte "
-                    f"(Limits.{name}_per_byte; --max-{name} for commands)",
-                    level=level,
-                )
 
 
 def wanted_limits(max_vertices: int | None, max_faces: int | None) -> Limits:

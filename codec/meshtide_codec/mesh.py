@@ -225,21 +225,26 @@ def canonical_faces(faces: NDArray[Index]) -> NDArray[Index]:
     >>> canonical_faces(np.array([[2, 0, 1], [0, 1, 2], [1, 0, 2], [3, 3, 1]])).tolist()
     [[0, 1, 2], [0, 2, 1]]
     """
-    a, b, c = faces[:, 0], faces[:, 1], faces[:, 2]
-    rotated: NDArray[Index] = faces[(a != b) & (b != c) & (c != a)]
-    if len(rotated) == 0:
-        return rotated
-    first = np.argmin(rotated, axis=1)[:, None]
-    rotated = np.take_along_axis(rotated, (first + np.arange(3)) % 3, axis=1)
-    count = int(rotated.max()) + 1
-    if count <= 1 << 21:  # three indices fit one 63-bit key, whose sort is several times faster than one by rows
-        keys = (rotated[:, 0].astype(np.int64) * count + rotated[:, 1]) * count + rotated[:, 2]
+    a, b, c = np.ascontiguousarray(faces.T)
+    whole = (a != b) & (b != c) & (c != a)
+    if not whole.all():
+        a, b, c = a[whole], b[whole], c[whole]
+    if len(a) == 0:
+        return faces[:0]
+    least = np.minimum(np.minimum(a, b), c)
+    from_a, from_b = a == least, b == least
+    second, third = np.where(from_a, b, np.where(from_b, c, a)), np.where(from_a, c, np.where(from_b, a, b))
+    bits = int(max(a.max(), b.max(), c.max())).bit_length()
+    if bits <= 21:  # three indices fit one 63-bit key, whose sort is several times faster than one by rows
+        keys = (least.astype(np.int64) << (2 * bits)) | (second.astype(np.int64) << bits) | third
         keys.sort()  # not np.unique, which hashes and then sorts, and takes several times as long
         keys = keys[np.r_[True, keys[1:] != keys[:-1]]]
-        pairs, third = np.divmod(keys, count)
-        unique = np.stack([*np.divmod(pairs, count), third], axis=1)
+        mask = (1 << bits) - 1
+        unique = np.stack([keys >> (2 * bits), (keys >> bits) & mask, keys & mask], axis=1)
     else:
-        unique = np.unique(rotated, axis=0)
+        rows = np.stack([least, second, third], axis=1)
+        rows = rows[np.lexsort((third, (least.astype(np.int64) << 32) | second))]
+        unique = rows[np.r_[True, (rows[1:] != rows[:-1]).any(axis=1)]]
     canonical: NDArray[Index] = unique.astype(faces.dtype)
     return canonical
 

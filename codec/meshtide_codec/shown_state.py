@@ -20,12 +20,12 @@ class ShownState:
         level: its level.
         packet_count: how many packets, in transmission order, it needs.
         vertices: its vertex count.
-        faces: (m, 3) its faces.
-        draw: gives its positions, (n, 3) float64 in finest steps, as a decoder draws them.
+        faces: its face count.
+        draw: gives what a decoder draws: positions, (n, 3) float64 in finest steps, and faces, (m, 3) int32.
     """
 
     level: int
     packet_count: int
     vertices: int
-    faces: NDArray[np.int32]
-    draw: Callable[[], NDArray[np.float64]]
+    faces: int
+    draw: Callable[[], tuple[NDArray[np.float64], NDArray[np.int32]]]

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from typing import TYPE_CHECKING
 
-from fastapi import FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
-from meshtide_server.access import Access
-from meshtide_server.job_runner import JobRunner
-from meshtide_server.library import Library
-from meshtide_server.limiting import Limiting
-from meshtide_server.methods import Methods, add_heads
-from meshtide_server.observation import Observation
-from meshtide_server.prepared_answers import prepared_answers
-from meshtide_server.problems import EVERYWHERE, handle_problems
-from meshtide_server.readiness import Readiness, StoreCheck
-from meshtide_server.routes import STREAM_ROUTE, program_version, router
-from meshtide_server.routes_catalogue import router as catalogue_router
-from meshtide_server.routes_ingest import router as ingest_router
-from meshtide_server.routes_operations import router as operations_router
-from meshtide_server.routes_packets import router as packets_router
-from meshtide_server.routes_tickets import router as tickets_router
-from meshtide_server.streaming import Streams
+from meshtide_server.encoding.folder_queue import FolderQueue
+from meshtide_server.encoding.runner import JobRunner
+from meshtide_server.hosting.library import Library
+from meshtide_server.http.application import Application, Parts
+from meshtide_server.http.limiting import Limiting
+from meshtide_server.http.methods import Methods, add_heads
+from meshtide_server.http.observation import Observation
+from meshtide_server.http.problems import EVERYWHERE, handle_problems
+from meshtide_server.http.ready_answers import ReadyAnswers
+from meshtide_server.http.routes.catalogue import router as catalogue_router
+from meshtide_server.http.routes.ingest import router as ingest_router
+from meshtide_server.http.routes.meshes import STREAM_ROUTE, router
+from meshtide_server.http.routes.operations import router as operations_router
+from meshtide_server.http.routes.packets import router as packets_router
+from meshtide_server.http.routes.tickets import router as tickets_router
+from meshtide_server.http.websocket import Streams
+from meshtide_server.operations.readiness import Readiness, StoreCheck
+from meshtide_server.operations.version import program_version
+from meshtide_server.security.access import Access
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -55,13 +57,11 @@ EXPOSED_HEADERS = (
 """What pages of other origins may see of an answer, besides the headers that they always may."""
 
 
-def create_app(settings: Settings) -> FastAPI:
+def create_app(settings: Settings) -> Application:
     """The ASGI application of a server.
 
-    Its lifespan finds the meshes and ends all work; `app.state.library` and `app.state.streams` are the hosted
-    meshes and the running streams, `app.state.draining` is an event that is set when the server takes no new work any
-    more, and `app.state.readiness` says whether it can do any. Run it with `serving.run`, which also ends running
-    streams politely, or with any ASGI server.
+    Its lifespan finds the meshes and ends all work; while it runs, `parts` are what the server is made of. Run it with
+    `serving.run`, which also ends running streams politely, or with any ASGI server.
 
     Args:
         settings: what to host and how.
@@ -69,48 +69,29 @@ def create_app(settings: Settings) -> FastAPI:
     Raises:
         OptionError: tokens that cannot be used.
     """
+    access = Access(settings)
 
     @asynccontextmanager
-    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        library = Library(settings)
-        app.state.library = library
-        draining = asyncio.Event()
-        app.state.draining = draining
-        app.state.readiness = Readiness(draining)
-        app.state.readiness.add("library", library.reason_to_wait)
-        app.state.streams = Streams(library, settings, app.state.access, draining)
-        await library.start()
-        if library.kept is not None:
-            app.state.readiness.add("catalogue", library.kept.reason_to_wait)
-            app.state.readiness.add("store", StoreCheck(library.kept.store))
-        runner = JobRunner(library.kept, settings, draining) if library.kept is not None else None
-        app.state.jobs = runner
-        if runner is not None:
-            runner.start()
-        try:
+    async def lifespan(app: Application) -> AsyncIterator[None]:
+        async with AsyncExitStack() as stack:
+            app.parts = await _started(settings, access, stack)
             yield
-        finally:
-            await app.state.streams.close()
-            if runner is not None:
-                await runner.stop()
-            await library.stop()
 
-    app = FastAPI(
+    app = Application(
         title="meshtide",
         version=program_version(),
         description=DESCRIPTION,
         lifespan=lifespan,
         responses=EVERYWHERE,
     )
-    app.state.settings = settings
-    app.state.access = Access(settings)
-    app.state.prepared = prepared_answers(settings)
     handle_problems(app)
     app.router.routes.insert(0, STREAM_ROUTE)
     for included in ROUTERS:
         app.include_router(included)
-    app.state.routes = [*app.routes, *(route for included in ROUTERS for route in included.routes)]
-    app.add_middleware(Methods, routes=app.state.routes)
+    app.all_routes = [*app.routes, *(route for included in ROUTERS for route in included.routes)]
+    app.add_middleware(Methods, routes=app.all_routes)
+    if access.readable_by_all:
+        app.add_middleware(ReadyAnswers)
     app.add_middleware(Limiting, settings=settings)
     if settings.allowed_origins:
         app.add_middleware(
@@ -120,7 +101,29 @@ def create_app(settings: Settings) -> FastAPI:
             allow_headers=list(settings.allowed_headers),
             expose_headers=list(EXPOSED_HEADERS),
         )
-    app.add_middleware(
-        Observation, prepared=app.state.prepared, access_log=settings.access_log
-    )  # the last one added is the outermost
+    # the last one added is the outermost
+    app.add_middleware(Observation, access_log=settings.access_log)
     return app
+
+
+async def _started(settings: Settings, access: Access, stack: AsyncExitStack) -> Parts:
+    """Begin all work; `stack` ends it, streams first."""
+    library = Library(settings)
+    queue = FolderQueue(library.folder, settings.encoding)
+    await library.start()
+    stack.push_async_callback(library.stop)
+    queue.start()
+    stack.push_async_callback(queue.stop)
+    draining = asyncio.Event()
+    readiness = Readiness(draining)
+    readiness.add("library", library.reason_to_wait)
+    jobs: JobRunner | None = None
+    if library.published is not None:
+        readiness.add("catalogue", library.published.reason_to_wait)
+        readiness.add("store", StoreCheck(library.published.store))
+        jobs = JobRunner(library.published, settings, draining)
+        jobs.start()
+        stack.push_async_callback(jobs.stop)
+    streams = Streams(library, settings, access, draining)
+    stack.push_async_callback(streams.close)
+    return Parts(settings, access, library, streams, jobs, readiness, draining)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
+from inspect import Signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
 
 
 def register(app: typer.Typer) -> None:
@@ -18,106 +16,7 @@ def register(app: typer.Typer) -> None:
     app.command()(check_store)
 
 
-def serve(
-    directory: Annotated[
-        Path | None, typer.Argument(help="Folder of .tide files and mesh files (ply, obj, off, stl, glb, gltf).")
-    ] = None,
-    samples: Annotated[bool | None, typer.Option("--samples", help="Host the meshes that come with meshtide.")] = None,
-    host: Annotated[str | None, typer.Option(help="Address to listen on.", show_default="127.0.0.1")] = None,
-    port: Annotated[
-        int | None, typer.Option(help="Port to listen on; 0 takes a free one.", show_default="8000", min=0, max=65535)
-    ] = None,
-    data: Annotated[Path | None, typer.Option(help="Folder where published meshes are kept.")] = None,
-    store: Annotated[
-        str | None,
-        typer.Option(help="Where their streams are kept: a folder, or s3://bucket/folder.", show_default="in --data"),
-    ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(help="Folder for encoded streams.", show_default="beside the meshes, else the user's cache"),
-    ] = None,
-    bits: Annotated[
-        int | None, typer.Option("-B", "--bits", help="Bits per coordinate for meshes encoded here.", show_default="12")
-    ] = None,
-    profile: Annotated[
-        str | None, typer.Option(help="How meshes are encoded here: compact or classic.", show_default="compact")
-    ] = None,
-    effort: Annotated[
-        str | None,
-        typer.Option(
-            help="compact: default, or high: smaller, and slower to encode and to decode.", show_default="default"
-        ),
-    ] = None,
-    allow_origin: Annotated[
-        list[str] | None, typer.Option(help="Web origin whose pages may read the meshes; * for all. May be repeated.")
-    ] = None,
-    allow_method: Annotated[
-        list[str] | None,
-        typer.Option(help="Method of pages of those origins. May be repeated.", show_default="GET, HEAD, POST"),
-    ] = None,
-    allow_header: Annotated[
-        list[str] | None,
-        typer.Option(help="Header of pages of those origins. May be repeated.", show_default="what reading takes"),
-    ] = None,
-    ticket_seconds: Annotated[
-        float | None, typer.Option(help="Seconds for which a ticket opens a websocket.", show_default="30")
-    ] = None,
-    hello_timeout: Annotated[
-        float | None, typer.Option(help="Seconds a client has to ask for something.", show_default="10")
-    ] = None,
-    stall_timeout: Annotated[
-        float | None, typer.Option(help="Seconds a stream may stand still.", show_default="300")
-    ] = None,
-    recursive: Annotated[
-        bool | None, typer.Option("--recursive", help="Host subfolders too, under ids with their path.")
-    ] = None,
-    rescan_seconds: Annotated[
-        float | None,
-        typer.Option(help="How often to look for new and changed files; 0: never.", show_default="5"),
-    ] = None,
-    connections_per_client: Annotated[
-        int | None, typer.Option(help="Connections of one address at a time; 0: no limit.", show_default="256")
-    ] = None,
-    bytes_per_second: Annotated[
-        int | None, typer.Option(help="Bytes a second sent to one address; 0: no limit.", show_default="0")
-    ] = None,
-    writes_per_minute: Annotated[
-        int | None, typer.Option(help="Requests of one address that write; 0: no limit.", show_default="600")
-    ] = None,
-    unlimited_client: Annotated[
-        list[str] | None,
-        typer.Option(help="Network that these limits spare. May be repeated.", show_default="this machine"),
-    ] = None,
-    trusted_proxy: Annotated[
-        list[str] | None,
-        typer.Option(help="Network of proxies whose X-Forwarded-For is believed. May be repeated."),
-    ] = None,
-    drain_timeout: Annotated[
-        float | None, typer.Option(help="Seconds that running streams have to end in on SIGTERM.", show_default="5")
-    ] = None,
-    log_level: Annotated[str | None, typer.Option(help="debug, info, warning or error.", show_default="info")] = None,
-    log_format: Annotated[str | None, typer.Option(help="text or json.", show_default="text")] = None,
-    access_log: Annotated[bool | None, typer.Option("--access-log", help="Log every request.")] = None,
-    metrics: Annotated[
-        str | None, typer.Option(help="Who may read /metrics: read, open or off.", show_default="read")
-    ] = None,
-    assigned: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="NAME=VALUE", help="Any other setting, such as max_upload=1000000. May be repeated."
-        ),
-    ] = None,
-    settings_file: Annotated[
-        Path | None,
-        typer.Option("--settings", envvar="MESHTIDE_SETTINGS_FILE", help="TOML file of settings; see below."),
-    ] = None,
-    announce: Annotated[
-        bool, typer.Option("--announce", help='Print {"url": ...} on standard output once the server listens.')
-    ] = False,
-    ready_file: Annotated[
-        Path | None, typer.Option(help="Write the same to this file; it is removed when the server stops.")
-    ] = None,
-) -> None:
+class _Serve:
     """Host meshes: each one is encoded once, then served as a file and as a stream.
 
     Example: meshtide serve meshes/
@@ -135,52 +34,70 @@ def serve(
     SIGTERM and Ctrl-C end it politely, with exit code 0: it takes no new streams and lets running ones end; a second
     signal ends it at once.
     """
-    from pydantic import ValidationError
 
-    from meshtide_server.logs import set_up_log
-    from meshtide_server.serving import run
-    from meshtide_server.settings_sources import load_settings
+    # What follows is for typer, which asks for it when the command is called: to load the settings takes a while.
 
-    given: dict[str, Any] = {
-        "directory": directory,
-        "samples": samples,
-        "host": host,
-        "port": port,
-        "data": data,
-        "store": store,
-        "cache": cache,
-        "bits": bits,
-        "profile": profile,
-        "effort": effort,
-        "allowed_origins": tuple(allow_origin) if allow_origin else None,
-        "allowed_methods": tuple(allow_method) if allow_method else None,
-        "allowed_headers": tuple(allow_header) if allow_header else None,
-        "ticket_seconds": ticket_seconds,
-        "hello_timeout": hello_timeout,
-        "stall_timeout": stall_timeout,
-        "recursive": recursive,
-        "rescan_seconds": rescan_seconds,
-        "connections_per_client": connections_per_client,
-        "bytes_per_second": bytes_per_second,
-        "writes_per_minute": writes_per_minute,
-        "unlimited_clients": tuple(unlimited_client) if unlimited_client else None,
-        "trusted_proxies": tuple(trusted_proxy) if trusted_proxy else None,
-        "drain_timeout": drain_timeout,
-        "log_level": log_level,
-        "log_format": log_format,
-        "access_log": access_log,
-        "metrics": metrics,
-    }
-    try:
-        settings = load_settings(
-            {name: value for name, value in given.items() if value is not None},
-            assigned=assigned or (),
-            file=settings_file,
-        )
-    except ValidationError as error:
-        raise typer.BadParameter(explanation(error)) from None
-    set_up_log(settings.log_level, settings.log_format)
-    run(settings, announce=announce, ready_file=ready_file)
+    __name__ = "serve"
+
+    @property
+    def __signature__(self) -> Signature:
+        from meshtide_server.serve_options import serve_parameters
+
+        own = Signature.from_callable(self._others, eval_str=True).parameters.values()
+        return Signature([*serve_parameters(), *own])
+
+    @property
+    def __annotations__(self) -> dict[str, Any]:  # type: ignore[override] # of functions it can be written to
+        return {name: parameter.annotation for name, parameter in self.__signature__.parameters.items()}
+
+    @staticmethod
+    def _others(
+        *,
+        assigned: Annotated[
+            list[str] | None,
+            typer.Option(
+                "--set", metavar="NAME=VALUE", help="Any other setting, such as max_upload=1000000. May be repeated."
+            ),
+        ] = None,
+        settings_file: Annotated[
+            Path | None,
+            typer.Option("--settings", envvar="MESHTIDE_SETTINGS_FILE", help="TOML file of settings; see below."),
+        ] = None,
+        announce: Annotated[
+            bool, typer.Option("--announce", help='Print {"url": ...} on standard output once the server listens.')
+        ] = False,
+        ready_file: Annotated[
+            Path | None, typer.Option(help="Write the same to this file; it is removed when the server stops.")
+        ] = None,
+    ) -> None:
+        """The options that are no settings."""
+
+    def __call__(
+        self,
+        *,
+        assigned: list[str] | None,
+        settings_file: Path | None,
+        announce: bool,
+        ready_file: Path | None,
+        **given: Any,  # noqa: ANN401 - the settings, whatever they are
+    ) -> None:
+        from pydantic import ValidationError
+
+        from meshtide_server.operations.logs import set_up_log
+        from meshtide_server.serving import run
+        from meshtide_server.settings_sources import explanation, load_settings
+
+        values = {name: value for name, value in given.items() if value not in (None, [])}
+        told = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+        try:
+            settings = load_settings(told, assigned=assigned or (), file=settings_file)
+        except ValidationError as error:
+            raise typer.BadParameter(explanation(error)) from None
+        set_up_log(settings.log_level, settings.log_format)
+        run(settings, announce=announce, ready_file=ready_file)
+
+
+serve = _Serve()
 
 
 def copy_store(
@@ -257,13 +174,3 @@ def _complain(damaged: list[str]) -> None:
 
     if damaged:
         raise StreamError(f"{len(damaged)} objects are damaged; publish their meshes again: {', '.join(damaged)}")
-
-
-def explanation(error: ValidationError) -> str:
-    """What is wrong with the settings, in one line."""
-    parts = []
-    for detail in error.errors():
-        name = ".".join(str(part) for part in detail["loc"])
-        message = detail["msg"].removeprefix("Value error, ")
-        parts.append(f"{name}: {message}" if name else message)
-    return "; ".join(parts)

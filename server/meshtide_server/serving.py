@@ -18,23 +18,24 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import uvicorn
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from meshtide_codec.errors import TransferError
 from meshtide_codec.output_files import write_atomically
 from meshtide_codec.output_policy import output_file
-from meshtide_server import metrics
 from meshtide_server.app import create_app
-from meshtide_server.connections import HttpProtocol, WebSocketProtocol
-from meshtide_server.frame_gate import FrameGate
-from meshtide_server.request_framing import HeadLimits
-from meshtide_server.request_gate import RequestGate
+from meshtide_server.http.connection import STATE, Connecting, Connection
+from meshtide_server.http.frame_gate import FrameGate
+from meshtide_server.http.request_framing import HeadLimits
+from meshtide_server.http.request_gate import RequestGate
+from meshtide_server.operations import metrics
 
 if TYPE_CHECKING:
     from pathlib import Path
     from types import FrameType
 
-    from fastapi import FastAPI
-
+    from meshtide_server.http.application import Application
     from meshtide_server.settings import Settings
 
 logger = logging.getLogger("meshtide.server")
@@ -52,7 +53,7 @@ class Server(uvicorn.Server):
     """uvicorn's server, with an announcement at its start and a farewell to its streams at its end."""
 
     def __init__(
-        self, config: uvicorn.Config, app: FastAPI, announcement: Announcement, drain_timeout: float = 0.0
+        self, config: uvicorn.Config, app: Application, announcement: Announcement, drain_timeout: float = 0.0
     ) -> None:
         super().__init__(config)
         self._app = app
@@ -81,7 +82,7 @@ class Server(uvicorn.Server):
         waiting = len(self.server_state.tasks)
         if self._drain_until is None:
             self._drain_until = time.monotonic() + self._drain_timeout
-            self._app.state.draining.set()
+            self._app.parts.draining.set()
             metrics.draining(now=True)
             if waiting:
                 logger.info("draining: %d streams and requests have %g s to end", waiting, self._drain_timeout)
@@ -92,8 +93,8 @@ class Server(uvicorn.Server):
         for server in self.servers:
             server.close()
         logger.info("shutting down")
-        self._app.state.draining.set()
-        await self._app.state.streams.close(*([0.0] if self.force_exit else []))
+        self._app.parts.draining.set()
+        await self._app.parts.streams.close(*([0.0] if self.force_exit else []))
         metrics.draining(now=False)
         # What uvicorn still has to say is that it drops connections that did not end in time.
         logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
@@ -174,23 +175,25 @@ def run(settings: Settings, *, announce: bool = False, ready_file: Path | None =
                     ready_file.unlink()
 
 
-def configuration(app: FastAPI, settings: Settings) -> uvicorn.Config:
+def configuration(app: Application, settings: Settings) -> uvicorn.Config:
     """How uvicorn runs `app`."""
     limits = HeadLimits(settings.max_request_line, settings.max_head, settings.max_headers)
 
-    def http_protocol(**arguments: Any) -> RequestGate:  # noqa: ANN401 - uvicorn's
-        protocol = HttpProtocol(prepared=app.state.prepared, **arguments)
-        return RequestGate(protocol, limits, settings.hello_timeout, protocol.answering)
+    def http_protocol(*, app_state: dict[str, Any], **arguments: Any) -> RequestGate:  # noqa: ANN401 - uvicorn's
+        connection = Connection()
+        protocol = HttpToolsProtocol(app_state={**app_state, STATE: connection}, **arguments)
+        return RequestGate(protocol, connection, limits, settings.hello_timeout)
 
-    def websocket_protocol(**arguments: Any) -> FrameGate:  # noqa: ANN401 - uvicorn's
+    def websocket_protocol(*, app_state: dict[str, Any], **arguments: Any) -> FrameGate:  # noqa: ANN401 - uvicorn's
         return FrameGate(
-            WebSocketProtocol(**arguments),
+            WebSocketsSansIOProtocol(app_state=app_state, **arguments),
+            app_state[STATE],
             frames=settings.frames_per_second,
             control_frames=settings.control_frames_per_second,
         )
 
     return uvicorn.Config(
-        app,
+        Connecting(app),
         lifespan="on",
         http=http_protocol,  # type: ignore[arg-type] # called like a class
         proxy_headers=bool(settings.trusted_proxies),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from dataclasses import dataclass
 from ipaddress import ip_network
 from pathlib import Path  # noqa: TC003 - pydantic reads the annotations
 from typing import Annotated, Literal, Self
@@ -21,12 +22,12 @@ from meshtide_codec.limits import FileLimits, Limits
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_server.encoding_options import EncodingOptions
-from meshtide_server.logs import LogFormat  # noqa: TC001 - pydantic reads the annotations
 
 Profile = Literal["compact", "classic"]
 Networks = Annotated[tuple[str, ...], NoDecode]
 Tokens = Annotated[tuple[SecretStr, ...], NoDecode]
 LogLevel = Literal["debug", "info", "warning", "error"]
+LogFormat = Literal["text", "json"]
 MOST_PROCESSES = 8
 """Encoder processes that a server starts without being told how many; each may take the memory of a large mesh."""
 SMALLEST_RATE = 16 * 1024
@@ -34,6 +35,27 @@ SMALLEST_RATE = 16 * 1024
 LONGEST_ADDRESS = 4096
 _NAME = re.compile(r"[A-Za-z0-9-]+")
 MetricsAccess = Literal["read", "open", "off"]
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """How a setting is given to the command `serve`.
+
+    Args:
+        help: what the command says of it; the setting's description when left out.
+        name: of the option, without dashes in front; the setting's name when left out.
+        short: one letter for it.
+        default: what the command shows as the default; the setting's own when left out.
+        argument: whether it is an argument without a name.
+        bounded: whether the command itself holds it against the setting's bounds, and shows them.
+    """
+
+    help: str = ""
+    name: str = ""
+    short: str = ""
+    default: str = ""
+    argument: bool = False
+    bounded: bool = False
 
 
 class Settings(BaseSettings):
@@ -54,24 +76,30 @@ class Settings(BaseSettings):
         hide_input_in_errors=True,  # the input may be a secret
     )
 
-    directory: Path | None = Field(default=None, description="Folder of .tide files and mesh files to host.")
-    recursive: bool = Field(
+    directory: Annotated[
+        Path | None, Option("Folder of .tide files and mesh files (ply, obj, off, stl, glb, gltf).", argument=True)
+    ] = Field(default=None, description="Folder of .tide files and mesh files to host.")
+    recursive: Annotated[bool, Option("Host subfolders too, under ids with their path.")] = Field(
         default=False,
         description="Host the folder's subfolders too: a mesh there has an id with its path, such as scans/bunny.",
     )
-    samples: bool = Field(default=False, description="Host the sample meshes that come with meshtide.")
-    cache: Path | None = Field(
+    samples: Annotated[bool, Option("Host the meshes that come with meshtide.")] = Field(
+        default=False, description="Host the sample meshes that come with meshtide."
+    )
+    cache: Annotated[
+        Path | None, Option("Folder for encoded streams.", default="beside the meshes, else the user's cache")
+    ] = Field(
         default=None,
         description="Folder for encoded streams; beside the meshes if that is writable, else the user's cache folder.",
     )
-    data: Path | None = Field(
+    data: Annotated[Path | None, Option("Folder where published meshes are kept.")] = Field(
         default=None,
         description="Folder where published meshes are kept: their streams, and a SQLite catalogue, unless store and "
         "database name other places.",
     )
-    store: str | None = Field(
-        default=None, description="Where published streams are kept: a folder, or s3://bucket/folder (extra s3)."
-    )
+    store: Annotated[
+        str | None, Option("Where their streams are kept: a folder, or s3://bucket/folder.", default="in --data")
+    ] = Field(default=None, description="Where published streams are kept: a folder, or s3://bucket/folder (extra s3).")
     database: SecretStr | None = Field(
         default=None,
         description="The catalogue of published meshes: sqlite:///file.db, or postgresql://user:password@host/name "
@@ -93,34 +121,48 @@ class Settings(BaseSettings):
         description="MiB of memory for parts of streams from a store that is no folder; what is used least recently "
         "gives way.",
     )
-    bits: int = Field(
+    bits: Annotated[int, Option(short="-B")] = Field(
         default=DEFAULT_B, ge=SMALLEST_B, le=LARGEST_B, description="Bits per coordinate for meshes encoded here."
     )
-    profile: Profile = Field(
+    profile: Annotated[Profile, Option("How meshes are encoded here: compact or classic.")] = Field(
         default="compact", description="How meshes are encoded here: compact, or classic, the paper's codec."
     )
-    effort: Effort = Field(
-        default=Effort.DEFAULT,
-        description="What counts where meshes are encoded in profile compact: default, time, or high, size; those "
-        "streams take longer to encode and to decode.",
+    effort: Annotated[Effort, Option("compact: default, or high: smaller, and slower to encode and to decode.")] = (
+        Field(
+            default=Effort.DEFAULT,
+            description="What counts where meshes are encoded in profile compact: default, time, or high, size; those "
+            "streams take longer to encode and to decode.",
+        )
     )
-    rescan_seconds: float = Field(
+    rescan_seconds: Annotated[float, Option("How often to look for new and changed files; 0: never.")] = Field(
         default=5.0, ge=0.0, description="How often the folder is looked at again for new and changed files; 0: never."
     )
 
-    host: str = Field(default="127.0.0.1", description="Address to listen on.")
-    port: int = Field(default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
-    allowed_origins: Annotated[tuple[str, ...], NoDecode] = Field(
+    host: Annotated[str, Option()] = Field(default="127.0.0.1", description="Address to listen on.")
+    port: Annotated[int, Option(bounded=True)] = Field(
+        default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one."
+    )
+    allowed_origins: Annotated[
+        tuple[str, ...],
+        NoDecode,
+        Option("Web origin whose pages may read the meshes; * for all. May be repeated.", name="allow-origin"),
+    ] = Field(
         default=(),
         description="Web origins whose pages may read the meshes, such as https://museum.example; * for all. "
         "Pages of the server's own origin and programs that are no browsers always may.",
     )
 
-    allowed_methods: Annotated[tuple[str, ...], NoDecode] = Field(
+    allowed_methods: Annotated[
+        tuple[str, ...], NoDecode, Option("Method of pages of those origins. May be repeated.", name="allow-method")
+    ] = Field(
         default=("GET", "HEAD", "POST"),
         description="Methods of pages of those origins; POST is for tickets. Add PUT and DELETE for pages that write.",
     )
-    allowed_headers: Annotated[tuple[str, ...], NoDecode] = Field(
+    allowed_headers: Annotated[
+        tuple[str, ...],
+        NoDecode,
+        Option("Header of pages of those origins. May be repeated.", name="allow-header", default="what reading takes"),
+    ] = Field(
         default=("Authorization", "Content-Type", "Range", "If-Range", "If-Match", "If-None-Match", "X-Request-ID"),
         description="Headers that pages of those origins may send.",
     )
@@ -130,26 +172,29 @@ class Settings(BaseSettings):
     write_tokens_file: Path | None = Field(default=None, description="File with more write tokens, one a line.")
     read_tokens: Tokens = Field(default=(), description="Tokens of which reading takes one; none: everybody reads.")
     read_tokens_file: Path | None = Field(default=None, description="File with more read tokens, one a line.")
-    ticket_seconds: float = Field(
+    ticket_seconds: Annotated[float, Option("Seconds for which a ticket opens a websocket.")] = Field(
         default=30.0, gt=0.0, le=3600.0, description="Seconds for which a ticket opens a websocket, once."
     )
 
-    connections_per_client: int = Field(
+    connections_per_client: Annotated[int, Option("Connections of one address at a time; 0: no limit.")] = Field(
         default=256,
         ge=0,
         description="Connections of one address at a time; 0: no limit. Addresses of this machine "
         "are not limited, see unlimited_clients; behind a proxy, trusted_proxies has to name it.",
     )
-    bytes_per_second: int = Field(
+    bytes_per_second: Annotated[int, Option("Bytes a second sent to one address; 0: no limit.")] = Field(
         default=0, ge=0, description="Bytes a second sent to one address over all its connections; 0: no limit."
     )
-    writes_per_minute: int = Field(
+    writes_per_minute: Annotated[int, Option("Requests of one address that write; 0: no limit.")] = Field(
         default=600, ge=0, description="Requests of one address that write, such as uploads, in a minute; 0: no limit."
     )
-    unlimited_clients: Networks = Field(
-        default=("127.0.0.0/8", "::1/128"), description="Networks to whose addresses these limits do not apply."
-    )
-    trusted_proxies: Networks = Field(
+    unlimited_clients: Annotated[
+        Networks,
+        Option("Network that these limits spare. May be repeated.", name="unlimited-client", default="this machine"),
+    ] = Field(default=("127.0.0.0/8", "::1/128"), description="Networks to whose addresses these limits do not apply.")
+    trusted_proxies: Annotated[
+        Networks, Option("Network of proxies whose X-Forwarded-For is believed. May be repeated.", name="trusted-proxy")
+    ] = Field(
         default=(), description="Networks of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed."
     )
 
@@ -180,11 +225,13 @@ class Settings(BaseSettings):
         default=8 << 30, ge=0, description="Bytes of data that encoding an upload may have in memory; 0: no limit."
     )
 
-    hello_timeout: float = Field(default=10.0, gt=0.0, description="Seconds a client has to ask for something.")
-    stall_timeout: float = Field(
+    hello_timeout: Annotated[float, Option()] = Field(
+        default=10.0, gt=0.0, description="Seconds a client has to ask for something."
+    )
+    stall_timeout: Annotated[float, Option("Seconds a stream may stand still.")] = Field(
         default=300.0, gt=0.0, description="Seconds a stream may stand still, for want of credit or of a reader."
     )
-    drain_timeout: float = Field(
+    drain_timeout: Annotated[float, Option("Seconds that running streams have to end in on SIGTERM.")] = Field(
         default=5.0, ge=0.0, description="Seconds that running streams and requests have to end in when it is to stop."
     )
     shutdown_timeout: int = Field(
@@ -206,12 +253,16 @@ class Settings(BaseSettings):
     control_frames_per_second: int = Field(
         default=20, ge=1, description="Pings and pongs of one websocket in a second; more end it."
     )
-    log_level: LogLevel = Field(default="info", description="How much is logged: debug, info, warning or error.")
-    log_format: LogFormat = Field(
+    log_level: Annotated[LogLevel, Option("debug, info, warning or error.")] = Field(
+        default="info", description="How much is logged: debug, info, warning or error."
+    )
+    log_format: Annotated[LogFormat, Option("text or json.")] = Field(
         default="text", description="How: text for people, or json, one object a line, for programs."
     )
-    access_log: bool = Field(default=False, description="Log every request at level info, not only at debug.")
-    metrics: MetricsAccess = Field(
+    access_log: Annotated[bool, Option("Log every request.")] = Field(
+        default=False, description="Log every request at level info, not only at debug."
+    )
+    metrics: Annotated[MetricsAccess, Option("Who may read /metrics: read, open or off.")] = Field(
         default="read",
         description="Who may read /metrics: read, whoever may read the meshes; open, everybody; off, nobody.",
     )

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
+    from pydantic import ValidationError
+
 LARGEST_FILE = 1 << 20
 
 
@@ -49,6 +51,16 @@ def load_settings(given: Mapping[str, Any], *, assigned: Iterable[str] = (), fil
         if name not in arguments and not os.environ.get(f"MESHTIDE_{name.upper()}")
     }
     return Settings(**values, **arguments)
+
+
+def explanation(error: ValidationError) -> str:
+    """What is wrong with the settings, in one line."""
+    parts = []
+    for detail in error.errors():
+        name = ".".join(str(part) for part in detail["loc"])
+        message = detail["msg"].removeprefix("Value error, ")
+        parts.append(f"{name}: {message}" if name else message)
+    return "; ".join(parts)
 
 
 def _assignment(text: str) -> tuple[str, str]:

@@ -28,7 +28,7 @@ from websockets.exceptions import ConnectionClosed
 from meshtide_codec.stream.messages import LARGEST_MESSAGE
 from meshtide_codec.stream.session import ClientSession
 from meshtide_server.app import create_app
-from meshtide_server.logs import set_up_log
+from meshtide_server.operations.logs import set_up_log
 from meshtide_server.serving import Announcement, Server, bind, configuration, url_of
 from meshtide_server.settings import Settings
 
@@ -123,10 +123,10 @@ async def measure(settings: Settings, clients: int) -> bool:
     while not server.started:  # noqa: ASYNC110 - there is no event for it
         await asyncio.sleep(PERIOD)
     url = url_of(listener)
-    met = [await monitor.during("encoding", app.state.library.settled())]
+    met = [await monitor.during("encoding", app.parts.library.folder.settled())]
     met.append(await monitor.during("idle", asyncio.sleep(1.0)))
-    meshes = [mesh.id for mesh in app.state.library.meshes if mesh.stream is not None]
-    size = sum(mesh.stream.size for mesh in app.state.library.meshes if mesh.stream is not None)
+    meshes = [mesh.id for mesh in app.parts.library.folder.meshes if mesh.stream is not None]
+    size = sum(mesh.stream.size for mesh in app.parts.library.folder.meshes if mesh.stream is not None)
     print(f"{len(meshes)} meshes, {size} bytes")
     for work in WORKS:
         count = max(1, clients // 10) if work == "describe" else clients

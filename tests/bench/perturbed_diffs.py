@@ -12,15 +12,14 @@ import sys
 
 import numpy as np
 
-from meshtide_client.link.lossy_link import LossyLink
-from meshtide_client.metrics import StreamMeter
-from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.octree import build_octree
+from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.quantize import grid_steps
 from meshtide_codec.samples import load_sample
+from meshtide_lab.link.fidelity import StreamMeter
+from meshtide_lab.link.lossy_link import LossyLink
 
 NOISES = ("gaussian", "uniform", "laplace")
 SEED = 1
@@ -49,8 +48,8 @@ def perturbed(encoded: EncodedMesh, kind: str) -> tuple[Decoder, dict[int, list[
 
 def level_shift(encoded: EncodedMesh, level: int) -> int:
     """Bits per coordinate that a level has dropped."""
-    shifts = encoded.header.options.get("shifts")
-    return level if shifts is None else int(shifts[level])
+    options = encoded.header.options
+    return options.shifts[level] if isinstance(options, ClassicHeader) else level
 
 
 def print_rows(name: str, encoded: EncodedMesh) -> None:
@@ -70,13 +69,20 @@ def print_rows(name: str, encoded: EncodedMesh) -> None:
             )
 
 
+def leaf_shifts(positions: np.ndarray) -> np.ndarray:
+    """(n,) int: bits per coordinate that the cell of each vertex leaves open; no other vertex is in it."""
+    differing = np.bitwise_or.reduce(positions[1:] ^ positions[:-1], axis=1)
+    parted = np.frexp(differing)[1] - 1  # the highest bit in which neighbours in Morton order differ
+    return np.minimum(np.append(parted, 99), np.insert(parted, 0, 99))
+
+
 def farthest(encoded: EncodedMesh, decoder: Decoder) -> float:
     """The largest offset from the middle of a leaf cell, in halves of its side: at most 1 means inside."""
     header = encoded.header
-    finest = build_octree(encoded.quantized.positions, encoded.quantized.faces, header.bits).levels[-1]
-    sides = 2.0 ** (header.bits - finest.cell_depths.astype(float))[:, None]
+    shifts = leaf_shifts(encoded.quantized.positions)[:, None]
+    sides = 2.0**shifts
     positions = (decoder.mesh(0).vertices - header.origin) / header.extent * grid_steps(header.bits)
-    middles = finest.cells * sides + sides / 2 - 0.5
+    middles = (encoded.quantized.positions >> shifts) * sides + sides / 2 - 0.5
     return float((np.abs(positions - middles) / (sides / 2)).max())
 
 

@@ -27,17 +27,18 @@ import numpy as np
 from large_meshes import fractal_terrain, wavy_torus
 from soups import random_soup
 
-from meshtide_client.fetching import fetch
-from meshtide_client.listing import list_meshes
-from meshtide_client.server_process import running_server
+from meshtide_client.commands.server_process import running_server
+from meshtide_client.download.fetch import fetch
+from meshtide_client.remote.listing import list_meshes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
-from meshtide_codec.encoder import Options, encode
+from meshtide_codec.encoder import encode
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import is_mesh_path, load_mesh
+from meshtide_codec.profile import Profile
 from meshtide_codec.rates import stream_report
 
 READY_SECONDS = 600.0
@@ -50,7 +51,7 @@ class Variant:
     """A way of encoding, and its name."""
 
     name: str
-    options: Options
+    options: Profile
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,9 @@ import numpy as np
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
-from meshtide_codec.encoder import Options, encode
+from meshtide_codec.encoder import encode
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.profile import Profile
 
 SHAPES = ("flat", "cone", "ragged")
 
@@ -43,7 +44,7 @@ def grid(count: int) -> Mesh:
     return Mesh.checked(np.stack([u, v, height], axis=-1).reshape(-1, 3), np.concatenate([lower, upper]))
 
 
-def seconds(mesh: Mesh, options: Options) -> tuple[float, float, int]:
+def seconds(mesh: Mesh, options: Profile) -> tuple[float, float, int]:
     """Of encoding and of decoding, and the bytes between."""
     start = time.thread_time()
     data = encode(mesh, options).to_bytes()
@@ -61,7 +62,7 @@ def main() -> None:
     parser.add_argument("--bits", type=int, default=12)
     parser.add_argument("--shapes", nargs="*", choices=SHAPES, default=SHAPES)
     arguments = parser.parse_args()
-    options: Options
+    options: Profile
     if arguments.profile == "classic":
         options = ClassicOptions(bits=arguments.bits)
     else:

@@ -10,9 +10,10 @@ import pytest
 from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
-from meshtide_client.address import MeshAddress
+from meshtide_client.connection.address import MeshAddress
 from meshtide_codec.stream.messages import PacketPart, decode_message
-from meshtide_codec.stream.session import ServerSession, error_frame
+from meshtide_codec.stream.session import error_frame
+from server_end import ServerEnd
 
 if TYPE_CHECKING:
     import ssl
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from websockets.asyncio.server import ServerConnection
 
-    from meshtide_codec.stream.session import StreamSource
+    from server_end import StreamSource
 
 MESH = "vase"
 
@@ -59,7 +60,7 @@ class StreamServer:
             self.closed += 1
 
     async def _serve(self, socket: ServerConnection) -> None:
-        session = ServerSession(MESH, self.source)
+        session = ServerEnd(MESH, self.source)
         session.receive(await socket.recv())
         if self.refusals:
             await socket.send(error_frame(*self.refusals.pop(0)))

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from meshtide_client import main
 
-HEAVY = ("numpy", "numba", "scipy", "trimesh", "fastapi", "pydantic", "uvicorn", "websockets", "httpx")
+HEAVY = ("numpy", "scipy", "trimesh", "fastapi", "pydantic", "uvicorn", "websockets", "httpx")
 
 
 def meshtide(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -7,7 +7,8 @@ from meshes import grid
 from meshtide_codec.classic.difference_statistics import difference_statistics
 from meshtide_codec.classic.encoder import ClassicEncoding
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.encoder import describe
+from meshtide_codec.encoder import describe, encode
+from meshtide_codec.errors import OptionError
 from meshtide_codec.quantize import quantize
 
 
@@ -29,3 +30,9 @@ def test_statistics_are_those_of_the_encoders_own_diffs() -> None:
     assert 0.8 * finest.shannon_bits < finest.bits < 1.1 * finest.shannon_bits + 500
     assert 0.2 <= finest.alpha <= 4.0
     assert finest.a > 0
+
+
+def test_bit_planes_are_refused() -> None:
+    encoded = encode(grid(5))
+    with pytest.raises(OptionError, match="bit planes"):
+        difference_statistics(encoded.header, encoded.packets)

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
-import pytest
+import math
 
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from meshtide_codec import core
 from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
 from meshtide_codec.errors import ContainerError, OptionError
 from meshtide_codec.filters import FilterSpec
-
-HEADER = ClassicHeader((0, 2, 3), FilterSpec("polynomial", degree=2), frozenset({0, 1}))
 
 
 @pytest.mark.parametrize(
@@ -49,31 +52,31 @@ def test_levels_that_there_are_not() -> None:
         ClassicOptions(sent_levels=frozenset({4})).levels_with_diff(5)
 
 
-def test_header_round_trip() -> None:
-    assert ClassicHeader.from_options(HEADER.to_options(), 12) == HEADER
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"shifts": []},
-        {"shifts": [1, 2]},
-        {"shifts": [0, 2, 2]},
-        {"shifts": [0, 13]},
-        {"shifts": "0"},
-        {"diffs": [2]},
-        {"diffs": [-1]},
-        {"diffs": 3},
-        {"filter": {}},
-        {"filter": None},
-        {"unknown": 1},
-    ],
+specs = st.one_of(
+    st.builds(FilterSpec, st.sampled_from(["zeroth", "gaussian"])),
+    st.builds(FilterSpec, st.just("taubin"), taubin_lambda=st.floats(0, 2), taubin_mu=st.floats(0, 2)),
+    st.builds(
+        FilterSpec,
+        st.just("polynomial"),
+        st.integers(0, 15),
+        st.sampled_from(["power", "chebyshev"]),
+        st.one_of(st.floats(1, 2), st.just(math.inf)),
+    ),
+    st.builds(FilterSpec, st.just("rational"), st.integers(0, 15), denominator_degree=st.integers(1, 4)),
 )
-def test_damaged_options_are_refused(change: dict[str, object]) -> None:
-    with pytest.raises(ContainerError):
-        ClassicHeader.from_options(HEADER.to_options() | change, 12)
 
 
-def test_missing_options_are_refused() -> None:
-    with pytest.raises(ContainerError, match="options of a classic stream"):
-        ClassicHeader.from_options({}, 12)
+@given(specs, st.sets(st.integers(1, 20)), st.sets(st.integers(0, 19)))
+def test_the_header_of_the_core_tells_all_of_it(spec: FilterSpec, shifts: set[int], diffs: set[int]) -> None:
+    header = ClassicHeader((0, *sorted(shifts)), spec, frozenset(level for level in diffs if level < len(shifts)))
+    told = core.Header()
+    header.tell(told)
+    assert ClassicHeader.of(told) == header
+
+
+def test_a_filter_that_cannot_be_is_a_damaged_header() -> None:
+    told = core.Header()
+    ClassicHeader((0,), FilterSpec("taubin"), frozenset()).tell(told)
+    told.taubin_mu = math.nan
+    with pytest.raises(ContainerError, match="taubin_mu"):
+        ClassicHeader.of(told)

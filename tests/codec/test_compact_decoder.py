@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,15 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshes import grid, random_meshes, shapes
-from meshtide_codec.compact.effort import DeepLayers, Effort
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, decode
 from meshtide_codec.encoder import DISTANCE_SAMPLES, DISTANCE_VERTICES, EncodedMesh, encode
 from meshtide_codec.errors import ContainerError, LimitError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.stream.container import read_available
 from meshtide_codec.stream.packets import Packet, PacketKind
-from streams import check_with_one_damaged_packet
+from streams import check_with_one_damaged_packet, leaf_depths, slice_of
 
 
 @cache
@@ -67,18 +70,17 @@ def test_a_mirror_plane_is_used_and_carried() -> None:
         np.concatenate([half.vertices, image]), np.concatenate([half.faces, half.faces[:, ::-1] + len(half.vertices)])
     )
     encoded = encode(mesh, CompactOptions(bits=10))
-    assert "m" in encoded.header.options
+    assert encoded.header.options.mirror is not None
     assert_exact(decode(encoded.to_bytes()), encoded)
     plain = encode(mesh, CompactOptions(bits=10, mirror=False))
-    assert "m" not in plain.header.options
+    assert plain.header.options.mirror is None
     assert_exact(decode(plain.to_bytes()), plain)
     assert len(encoded.to_bytes()) < 0.9 * len(plain.to_bytes())
 
 
 def test_effort_high_is_smaller_and_told_in_the_header() -> None:
     default, high = encoded_patch(), encoded_patch(effort=Effort.HIGH)
-    assert "e" not in default.header.options
-    assert high.header.options["e"] == DeepLayers.ALL
+    assert (default.header.options.effort, high.header.options.effort) == (Effort.DEFAULT, Effort.HIGH)
     assert len(high.to_bytes()) < len(default.to_bytes())
 
 
@@ -116,17 +118,15 @@ def test_what_the_encoder_measured_is_what_the_decoder_draws() -> None:
         decoder.push(packet)
         if count in rows and rows[count].rms > 0:
             row = rows[count]
-            measured = meter.measure(decoder._decoder.geometry(row.level), decoder._decoder.faces(row.level))
+            measured = meter.measure(decoder.drawn_positions(row.level), decoder.mesh(row.level).faces)
             assert stored_distances(measured.rms, measured.maximum) == (row.rms, row.maximum)
 
 
 def cells_of(encoded: EncodedMesh, decoder: Decoder) -> None:
     """Every vertex of level 0 lies within the leaf cell that Maps alone tell."""
-    level = decoder._decoder._level(0)  # type: ignore[union-attr]
-    bits = encoded.header.bits
-    side = 1 << (bits - level.cell_depths.astype(np.int64))[:, None]
-    low = level.cells.astype(np.int64) * side - 0.5
-    drawn = decoder._decoder.geometry(0)
+    side = 1 << (encoded.header.bits - leaf_depths(encoded))[:, None]
+    low = encoded.quantized.positions // side * side - 0.5
+    drawn = decoder.drawn_positions(0)
     assert (drawn >= low - 1e-9).all()
     assert (drawn <= low + side + 1e-9).all()
 
@@ -144,6 +144,44 @@ def test_every_diff_removed_leaves_connectivity_exact_and_vertices_in_their_cell
     cells_of(encoded, bare)
 
 
+@pytest.mark.parametrize("effort", Effort)
+def test_a_decoder_that_keeps_the_finest_level_only_has_no_other_in_the_end(effort: Effort) -> None:
+    encoded = encoded_patch(slices=3, effort=effort)
+    decoder = Decoder(encoded.header, only_finest=True)
+    for packet in encoded.packets:
+        decoder.push(packet)
+        finest = decoder.finest
+        assert finest is not None
+        assert len(decoder.mesh(finest).vertices) == next(
+            row.vertices for row in encoded.header.levels if row.level == finest
+        )
+    coarser = [row.level for row in encoded.header.levels if row.vertices < encoded.header.vertices]
+    assert len(coarser) > 1
+    assert not any(decoder.is_available(level) for level in coarser)
+    with pytest.raises(KeyError, match="is not available"):
+        decoder.mesh(encoded.header.levels[0].level)
+    assert_exact(decoder.mesh(0), encoded)
+
+
+def test_a_damaged_preview_is_not_there() -> None:
+    header, packets, _ = read_available((Path(__file__).parents[1] / "golden/compact-dome-previews.tide").read_bytes())
+    preview = next(packet for packet in packets if packet.kind is PacketKind.PREVIEW)
+    refusals = Counter[str]()
+    for first in range(8 * len(preview.payload)):
+        for second in range(first, min(first + 12, 8 * len(preview.payload))):
+            payload = bytearray(preview.payload)
+            for bit in {first, second}:
+                payload[bit // 8] ^= 1 << bit % 8
+            decoder = Decoder(header)
+            try:
+                decoder.push(replace(preview, payload=bytes(payload)))
+            except PacketError as error:
+                refusals[str(error).rpartition(": ")[2]] += 1
+                assert not decoder.is_available(preview.level)
+    assert refusals["a face is there twice"] > 0  # which is found last
+    assert refusals.total() > 1000
+
+
 @given(st.sets(st.integers(0, 40)), st.sampled_from(Effort))
 @settings(max_examples=40)
 def test_vertices_whose_diffs_are_all_there_are_exact(missing: set[int], effort: Effort) -> None:
@@ -154,11 +192,9 @@ def test_vertices_whose_diffs_are_all_there_are_exact(missing: set[int], effort:
     mesh = decoder.mesh(0)
     assert np.array_equal(mesh.faces, expected.faces)
     cells_of(encoded, decoder)
-    inner = decoder._decoder
-    level = inner._level(0)  # type: ignore[union-attr]
-    for index in range(len(inner._options.slices)):  # type: ignore[union-attr]
-        rows = inner._options.slices.vertices(level, index)  # type: ignore[union-attr]
-        part = slice(rows.start, rows.stop)
+    for index in range(len(encoded.header.options.slices)):
+        part = slice_of(encoded, index)
+        assert part.any()
         if not any(encoded.packets[i].slice == index for i in lost):
             assert np.array_equal(mesh.vertices[part], expected.vertices[part])
     if not lost:
@@ -208,15 +244,10 @@ def test_packets_that_do_not_belong_are_refused() -> None:
 
 def test_headers_that_make_no_sense_are_refused() -> None:
     header = encoded_patch().header
-    with pytest.raises(ContainerError, match="level table lacks"):
+    with pytest.raises(ContainerError, match="the table of states lacks a level"):
         Decoder(replace(header, levels=(header.levels[0], header.levels[-1])))
     with pytest.raises(LimitError, match="vertices"):
         Decoder(header, Limits(vertices=10))
-    with pytest.raises(ContainerError, match="damaged stream header"):
-        Decoder(replace(header, options={"x": 1}))
-    without_base = tuple(entry for entry in header.packets if entry.kind is not PacketKind.BASE)
-    with pytest.raises(ContainerError, match="0 Base packets"):
-        Decoder(replace(header, packets=without_base))
 
 
 @given(st.data(), st.sampled_from(Effort))
@@ -236,10 +267,11 @@ def test_a_payload_of_effort_high_cut_at_every_byte_is_a_mesh_or_an_error(kind: 
             for index, packet in enumerate(packets):
                 shorter = replace(packet, payload=packet.payload[:length])
                 decoder.push(shorter if index == victim else packet)
+            assert decoder.finest is not None
+            mesh = decoder.mesh(decoder.finest)
         except (PacketError, LimitError):
             continue
-        assert decoder.finest is not None
-        assert np.isfinite(decoder.mesh(decoder.finest).vertices).all()
+        assert np.isfinite(mesh.vertices).all()
 
 
 @pytest.mark.parametrize("effort", Effort)
@@ -247,6 +279,6 @@ def test_a_map_that_claims_more_children_than_the_header_has_vertices_stops(effo
     encoded = encoded_patch(effort=effort)
     smaller = [replace(row, vertices=min(row.vertices, 500)) for row in encoded.header.levels]
     decoder = Decoder(replace(encoded.header, levels=tuple(smaller)))
-    with pytest.raises(PacketError, match="claims more than the 500 vertices"):
+    with pytest.raises(PacketError, match=r"level \d, Map&Conn packet, byte \d+: more cells than vertices"):
         for packet in encoded.packets:
             decoder.push(packet)

@@ -1,16 +1,23 @@
-"""Mirror planes: finding them, refusing those out of range, and the table of cells that looks images up."""
+"""Mirror planes: finding them, and refusing those out of range."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from meshtide_codec.compact.cell_table_kernels import ABSENT, build_cell_table, find_cell
 from meshtide_codec.compact.mirror import Mirror, find_mirror
 from meshtide_codec.errors import OptionError
-from octrees import cloud
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+
+def cloud(seed: int, count: int, size: int) -> npt.NDArray[np.int32]:
+    """Pairwise different random grid points."""
+    points = np.random.default_rng(seed).integers(0, size, (count, 3)).astype(np.int32)
+    return np.unique(points, axis=0)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -58,31 +65,3 @@ def test_the_smallest_meshes_are_no_trouble(count: int) -> None:
 def test_mirrors_out_of_range_are_refused(axis: int, total: int, bits: int) -> None:
     with pytest.raises(OptionError):
         Mirror(axis, total, bits)
-
-
-def test_a_plane_lies_halfway() -> None:
-    assert Mirror(0, 4095, 12).plane(12) == 2 * 4096
-    assert Mirror(0, 4095, 12).plane(0) == 2.0
-    assert Mirror(0, 9, 4).plane(3) == 10.0
-
-
-@settings(deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 300), st.integers(1, 1 << 20))
-def test_a_cell_table_returns_what_it_holds(seed: int, count: int, size: int) -> None:
-    cells = cloud(seed, count, size)
-    chosen = np.random.default_rng(seed).integers(0, 2, len(cells)).astype(np.uint8)
-    table = build_cell_table(cells, chosen)
-    held = 0
-    for index, (x, y, z) in enumerate(cells.astype(np.int64)):
-        found = find_cell(table, x, y, z)
-        assert found in {index, ABSENT}
-        assert found == ABSENT or chosen[index]
-        held += found != ABSENT
-    assert held >= 0.98 * chosen.sum()
-
-
-def test_crafted_cells_cannot_fill_a_chain() -> None:
-    cells = np.stack([np.arange(0, 1 << 20, 1 << 10), np.zeros(1 << 10), np.zeros(1 << 10)], axis=1).astype(np.int32)
-    table = build_cell_table(cells, np.ones(len(cells), np.uint8))
-    assert find_cell(table, 5, 5, 5) == ABSENT
-    assert sum(find_cell(table, int(x), 0, 0) != ABSENT for x in cells[:, 0]) >= 16

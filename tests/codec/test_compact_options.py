@@ -4,20 +4,17 @@ from dataclasses import replace
 
 import pytest
 
-from meshtide_codec.compact.display_filter import STRENGTHS, UNFILTERED
-from meshtide_codec.compact.effort import DeepLayers, Effort
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
-from meshtide_codec.compact.slices import Slices
 from meshtide_codec.errors import ContainerError, OptionError
 from meshtide_codec.stream.header import LevelEntry, PacketEntry, StreamHeader
 from meshtide_codec.stream.packets import PacketKind
 
 BITS = 12
-CHOSEN = STRENGTHS[3:12]
-UNFILTERED_LEVELS = (UNFILTERED,) * 9
-PLAIN = CompactHeader(4, CHOSEN, (6, 9, 12), None, Slices(12), 0)
-FULL = CompactHeader(4, CHOSEN, (4, 12), Mirror(1, 77, 12), Slices(12, (0, 5, 900)), 2)
+CHOSEN = (3, 4, 5, 6, 7, 8, 9, 10, 15)
+PLAIN = CompactHeader(4, CHOSEN, (6, 9, 12), None, (0,), 0, Effort.DEFAULT)
+FULL = CompactHeader(4, CHOSEN, (4, 12), Mirror(1, 77, 12), (0, 5, 900), 2, Effort.HIGH)
 
 
 def stream_header(compact: CompactHeader, **changes: object) -> StreamHeader:
@@ -30,16 +27,26 @@ def stream_header(compact: CompactHeader, **changes: object) -> StreamHeader:
             places.append((PacketKind.MAP_CONN, BITS - depth, 0))
         if depth in compact.diff_depths:
             places += [(PacketKind.DIFF, BITS - depth, part) for part in range(len(compact.slices))]
+    levels = [place[1] for place in places]
+    ends = {level: len(levels) - levels[::-1].index(level) for level in levels}
     header = StreamHeader(
-        profile="compact",
-        options=compact.to_options(),
+        options=compact,
         bits=BITS,
         origin=(0.0, 0.0, 0.0),
         extent=1.0,
-        levels=(LevelEntry(0, len(places), 100, 200, 0.0, 0.0),),
+        levels=tuple(LevelEntry(level, end, 100, 200, 0.0, 0.0) for level, end in ends.items()),
         packets=tuple(PacketEntry(*place, 5, 0) for place in places),
     )
     return replace(header, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("vertices", "slices"), [(1, 1), (399_999, 1), (400_000, 2), (1_000_000, 3), (10_000_000, 10), (1 << 28, 51)]
+)
+def test_large_meshes_get_more_slices_unless_their_number_is_given(vertices: int, slices: int) -> None:
+    assert CompactOptions().slice_count(vertices) == slices
+    assert CompactOptions(effort=Effort.HIGH).slice_count(vertices) == slices
+    assert CompactOptions(slices=7).slice_count(vertices) == 7
 
 
 @pytest.mark.parametrize(
@@ -62,58 +69,61 @@ def test_options_out_of_range(wrong: dict[str, object], message: str) -> None:
         CompactOptions(**wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    "header", [PLAIN, FULL, replace(FULL, strengths=UNFILTERED_LEVELS), replace(PLAIN, diff_depths=())]
-)
+def read_again(header: StreamHeader) -> StreamHeader:
+    return StreamHeader.from_bytes(header.to_bytes())
+
+
+@pytest.mark.parametrize("header", [PLAIN, FULL, replace(FULL, strengths=(0,) * 9), replace(PLAIN, diff_depths=())])
 def test_header_round_trip(header: CompactHeader) -> None:
-    assert CompactHeader.from_header(stream_header(header)) == header
-
-
-@pytest.mark.parametrize("deep", [*DeepLayers, DeepLayers.ALL, DeepLayers.NONE])
-def test_each_layer_can_be_deep(deep: DeepLayers) -> None:
-    header = replace(FULL, deep=deep)
-    assert CompactHeader.from_header(stream_header(header)).deep == deep
+    assert read_again(stream_header(header)).options == header
 
 
 def test_efforts_are_understood_by_name() -> None:
     assert CompactOptions(effort="high").effort is Effort.HIGH  # type: ignore[arg-type]
     assert CompactOptions().effort is Effort.DEFAULT
-    assert CompactOptions().effort.deep_layers is DeepLayers.NONE
-    assert Effort.HIGH.deep_layers == DeepLayers.ALL
 
 
 def test_a_plain_header_says_nothing_needless() -> None:
-    assert set(PLAIN.to_options()) == {"f"}
-    assert replace(PLAIN, strengths=UNFILTERED_LEVELS).to_options() == {}
-    few = (STRENGTHS[2], STRENGTHS[1], STRENGTHS[15], *UNFILTERED_LEVELS[3:])
-    assert replace(PLAIN, strengths=few).to_options() == {"f": b"\x21\xf0"}
+    bare = replace(PLAIN, strengths=(0,) * 9)
+    length = len(stream_header(bare).to_bytes())
+    assert len(stream_header(PLAIN).to_bytes()) == length + 5  # two strengths in a byte, of nine depths
+    assert len(stream_header(replace(bare, strengths=(2, 1, 15, *(0,) * 6))).to_bytes()) == length + 2
+    mirrored = replace(bare, mirror=Mirror(1, 77, 12))
+    assert len(stream_header(mirrored).to_bytes()) == length + 2
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"f": bytes(6)},
-        {"f": "text"},
-        {"m": [3, 0]},
-        {"m": [0]},
-        {"m": [0, 1 << 13]},
-        {"s": []},
-        {"s": [1]},
-        {"s": [0, 5, 5]},
-        {"s": [0, 1 << 36]},
-        {"s": list(range(5000))},
-        {"b": 4},
-        {"e": -1},
-        {"e": DeepLayers.ALL + 1},
-        {"e": b"1"},
-        {"e": 1, "s": list(range(513))},
-        {"x": 0},
+        {"strengths": (16, *CHOSEN[1:])},
+        {"slices": (0, 5, 5)},
+        {"slices": (0, 1 << 36)},
+        {"slices": tuple(range(5000))},
+        {"slices": tuple(range(102))},  # of 100 vertices
+        {"base_depth": 13},
     ],
     ids=str,
 )
-def test_damaged_options_are_refused(change: dict[str, object]) -> None:
-    with pytest.raises(ContainerError, match="damaged stream header"):
-        CompactHeader.from_header(stream_header(FULL, options=FULL.to_options() | change))
+def test_options_that_no_header_tells_are_refused(change: dict[str, object]) -> None:
+    header = replace(stream_header(FULL), options=replace(FULL, **change))  # type: ignore[arg-type]
+    with pytest.raises((ContainerError, OptionError)):
+        read_again(header)
+
+
+def test_damaged_options_are_refused() -> None:
+    data = bytearray(stream_header(FULL).to_bytes())
+    tail = len(data) - 5  # the strengths
+    flags = data.index(bytes([7, 1, 77]), tail - 12)
+    for place, byte, message in (
+        (flags, 15, "options of a compact stream that there are not"),
+        (flags + 1, 3, "a mirror plane outside of the grid"),
+        (flags + 3, 0, "more slices than there can be"),
+        (flags + 4, 0, "slices that do not ascend in the cube"),
+    ):
+        damaged = data.copy()
+        damaged[place] = byte
+        with pytest.raises(ContainerError, match=message):
+            StreamHeader.from_bytes(damaged)
 
 
 def test_packets_that_do_not_make_a_compact_stream_are_refused() -> None:
@@ -122,12 +132,14 @@ def test_packets_that_do_not_make_a_compact_stream_are_refused() -> None:
     others = tuple(row for row in packets if row.kind is not PacketKind.BASE)
     preview = packets[0]
     for wrong, message in (
-        (others, "0 Base packets"),
-        ((*packets, base), "2 Base packets"),
-        ((replace(base, level=13), *others), "base depth"),
-        ((*packets, PacketEntry(PacketKind.DIFF, 9, 0, 5, 0)), "a Diff of depth 3"),
-        ((*packets, PacketEntry(PacketKind.DIFF, 13, 0, 5, 0)), "a Diff of depth -1"),
-        (packets + (preview,) * 7, "9 previews"),
+        (others, "not one Base packet"),
+        ((*packets, base), "not one Base packet"),
+        ((replace(base, level=13), *others), "a Base packet of a level above B"),
+        ((*packets, PacketEntry(PacketKind.DIFF, 9, 0, 5, 0)), "a Diff before the base depth"),
+        ((*packets, PacketEntry(PacketKind.DIFF, 13, 0, 5, 0)), "a Diff packet of a level above B"),
+        (packets + (preview,) * 7, "more than 8 previews"),
     ):
         with pytest.raises(ContainerError, match=message):
-            CompactHeader.from_header(stream_header(FULL, packets=wrong))
+            header = stream_header(FULL, packets=wrong)
+            last = replace(header.levels[-1], packet_count=len(wrong))
+            read_again(replace(header, levels=(*header.levels[:-1], last)))

@@ -1,11 +1,9 @@
-"""Previews: how close they are, what they are made of, when there are none, that they never change."""
+"""Previews: how close they are, what they are made of, what is chosen, when there are none, that they never change."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,8 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshes import grid, soup
-from meshtide_codec.compact.octree import build_octree
-from meshtide_codec.compact.previews import DEFAULT_RATIOS, FEWEST_VERTICES, Preview, grid_bits, make_previews
+from meshtide_codec.compact.previews import Preview, choose_previews, make_previews
 from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh import Mesh, canonical_faces
@@ -27,7 +24,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 BITS = 12
+RATIOS = (256, 40)
+DISTANCES = (1e-2, 3e-3, 1e-3, 4e-4)  # root mean square, in diagonals, that previews are chosen for
+FEWEST_VERTICES = 2000  # of a mesh that has previews
+FINEST_RATIO, LARGE_RATIO, LAST_RATIO = 18, 40, 28  # of any mesh, of one of more than 20 000 vertices, the last one's
+TOO_SMALL_TO_WAIT = 40  # vertices of a preview that has none before it
 NO_FACES = np.zeros((0, 3), np.int32)
+TWO = np.array([[0, 0, 0], [0, 0, 1]], np.int32)
 
 
 def bumpy_sphere() -> Mesh:
@@ -52,7 +55,7 @@ def box(side: int) -> Mesh:
     return Mesh.checked(np.concatenate(sheets), np.concatenate(triangles))
 
 
-def previews_of(quantized: QuantizedMesh, ratios: tuple[int, ...] = DEFAULT_RATIOS) -> list[Preview]:
+def previews_of(quantized: QuantizedMesh, ratios: tuple[int, ...] = RATIOS) -> list[Preview]:
     return make_previews(quantized.positions, quantized.faces, quantized.bits, ratios)
 
 
@@ -61,9 +64,33 @@ def distance(quantized: QuantizedMesh, preview: Preview) -> float:
     return meter.measure(preview.vertices(quantized.bits), preview.faces).rms
 
 
+def chosen(quantized: QuantizedMesh) -> list[Preview]:
+    return choose_previews(quantized.positions, quantized.faces, quantized.bits)
+
+
+@cache
+def bumpy() -> tuple[QuantizedMesh, tuple[Preview, ...]]:
+    """The bumpy sphere, and the previews that are chosen."""
+    quantized = quantize(bumpy_sphere(), BITS)
+    return quantized, tuple(chosen(quantized))
+
+
+def octree_level(quantized: QuantizedMesh, count: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
+    """Middles of the cells of the first depth that has so many, and their faces."""
+    for shift in range(quantized.bits - 1, -1, -1):
+        cells, owners = np.unique(quantized.positions >> shift, axis=0, return_inverse=True)
+        if len(cells) >= count:
+            break
+    faces = canonical_faces(owners.reshape(-1)[quantized.faces].astype(np.int32))
+    return (cells + 0.5) * 2.0**shift - 0.5, faces
+
+
 def check_form(preview: Preview) -> None:
     assert preview.positions.dtype == preview.faces.dtype == np.int32
-    build_octree(preview.positions, preview.faces, preview.bits)  # in range, different, in Morton order
+    assert preview.positions.min() >= 0
+    assert preview.positions.max() < 1 << preview.bits
+    codes = morton_codes(preview.positions)
+    assert (codes[1:] > codes[:-1]).all()
     assert (preview.faces == canonical_faces(preview.faces)).all()
     assert (np.unique(preview.faces) == np.arange(len(preview.positions))).all()
 
@@ -71,16 +98,12 @@ def check_form(preview: Preview) -> None:
 def test_a_smooth_surface_is_shown_far_better_than_by_its_octree() -> None:
     quantized = quantize(bumpy_sphere(), BITS)
     previews = previews_of(quantized)
-    assert [preview.ratio for preview in previews] == [256, 40]
     assert [len(preview.positions) for preview in previews] == [40, 256]
-    octree = build_octree(quantized.positions, quantized.faces, BITS)
     meter = DistortionMeter(quantized.positions.astype(float), quantized.faces)
     for preview in previews:
         check_form(preview)
-        level = next(level for level in octree.levels if level.vertex_count >= len(preview.positions))
-        middles = level.centres * 2.0 ** (BITS - level.depth - 1) - 0.5
-        assert level.faces is not None
-        assert distance(quantized, preview) < meter.measure(middles, level.faces).rms / 4
+        level = octree_level(quantized, len(preview.positions))
+        assert distance(quantized, preview) < meter.measure(*level).rms / 4
     assert distance(quantized, previews[0]) < 0.012
     assert distance(quantized, previews[1]) < 0.003
 
@@ -103,35 +126,15 @@ def test_an_open_border_stays_where_it_is() -> None:
     assert (reached.max(axis=0)[:2] > 4015).all()
 
 
-def test_the_default_previews_cost_three_percent_at_most_six() -> None:
-    assert sum(1 / ratio for ratio in DEFAULT_RATIOS) * 22 / 12 < 0.06
-
-
-def test_the_same_mesh_has_the_same_previews_on_any_number_of_threads() -> None:
-    script = (
-        "import sys, hashlib, numpy as np; sys.path[:0] = sys.argv[1:]\n"
-        "from test_compact_previews import bumpy_sphere, previews_of, quantize\n"
-        "for preview in previews_of(quantize(bumpy_sphere(), 10), (64,)):\n"
-        "    print(preview.bits, hashlib.sha256(preview.positions.tobytes() + preview.faces.tobytes()).hexdigest())\n"
-    )
-    folder = Path(__file__).parent
-    digests = set()
-    for threads in ("1", "2"):
-        environment = os.environ | {
-            "OMP_NUM_THREADS": threads,
-            "OPENBLAS_NUM_THREADS": threads,
-            "NUMBA_NUM_THREADS": threads,
-        }
-        done = subprocess.run(
-            [sys.executable, "-c", script, str(folder), str(folder.parent)],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        digests.add(done.stdout)
-    assert len(digests) == 1
-    assert len(digests.pop()) > 64
+def test_threads_make_the_same_previews() -> None:
+    quantized = quantize(bumpy_sphere(), 10)
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(lambda _: previews_of(quantized, (64, 200)), range(2))
+    assert [one.payload for one in first] == [one.payload for one in second]
+    assert len(first) == 2
+    for one, other in zip(first, second, strict=True):
+        assert np.array_equal(one.positions, other.positions)
+        assert np.array_equal(one.faces, other.faces)
 
 
 def scattered(count: int) -> Mesh:
@@ -184,7 +187,7 @@ def test_random_meshes_have_well_formed_previews_or_none(
 
 def test_previews_come_coarsest_first_each_ratio_once() -> None:
     quantized = quantize(paper_sphere(4), BITS)
-    assert [preview.ratio for preview in previews_of(quantized, (64, 128, 64))] == [128, 64]
+    assert [len(preview.positions) for preview in previews_of(quantized, (64, 128, 64))] == [20, 40]
     assert previews_of(quantized, ()) == []
 
 
@@ -192,20 +195,67 @@ def test_small_meshes_and_those_without_faces_have_none() -> None:
     quantized = quantize(grid(44), BITS)
     assert len(quantized.positions) < FEWEST_VERTICES
     assert previews_of(quantized) == []
-    assert make_previews(quantize(grid(60), BITS).positions, NO_FACES, BITS) == []
+    assert chosen(quantized) == []
+    assert make_previews(quantize(grid(60), BITS).positions, NO_FACES, BITS, RATIOS) == []
+    assert choose_previews(quantize(grid(60), BITS).positions, NO_FACES, BITS) == []
+    assert chosen(quantize(soup(3000, 9000, seed=1), BITS)) == []
     assert previews_of(quantize(grid(60), BITS), (3000,)) == []
 
 
-def test_finer_fits_get_finer_grids() -> None:
-    depths = [grid_bits(distance, 12) for distance in (200.0, 50.0, 10.0, 2.0, 0.1)]
-    assert depths == sorted(depths)
-    assert depths[0] == 4
-    assert depths[-1] == 12
-    assert grid_bits(1.0, 3) == 3
+def test_every_distance_is_reached_by_few_vertices() -> None:
+    quantized, previews = bumpy()
+    reached = [distance(quantized, preview) for preview in previews]
+    assert reached == sorted(reached, reverse=True)
+    for coarser, wanted in zip((1.0, *DISTANCES), DISTANCES[:3], strict=False):
+        assert any(wanted / 2 < found <= min(wanted, coarser) for found in reached)
+    assert len(previews[-1].positions) < len(quantized.positions) / 10
+    for preview in previews:
+        check_form(preview)
+
+
+def test_the_last_distance_is_reached_if_few_vertices_are_enough() -> None:
+    flat = grid(80)
+    height = np.abs(flat.vertices[:, :2] - flat.vertices[:, :2].mean(axis=0)).max(axis=1)
+    pyramid = quantize(Mesh(np.column_stack([flat.vertices[:, :2], height]), flat.faces), BITS)
+    previews = chosen(pyramid)
+    assert distance(pyramid, previews[-1]) <= DISTANCES[-1]
+    assert len(previews[-1].positions) <= len(pyramid.positions) / LAST_RATIO
+    sphere, found = bumpy()
+    assert all(len(preview.positions) <= len(sphere.positions) / FINEST_RATIO for preview in found)
+
+
+def test_the_smallest_of_several_is_taken() -> None:
+    """A preview of few bits is not larger than those of one bit more or less that are within its distance."""
+    quantized, (first, *_) = bumpy()
+    ratio = round(len(quantized.positions) / len(first.positions))
+    (other,) = previews_of(quantized, (ratio,))
+    assert first.bits <= 6
+    assert distance(quantized, other) > DISTANCES[0] or len(first.payload) <= len(other.payload)
+
+
+def test_a_preview_that_is_small_has_none_before_it() -> None:
+    _, previews = bumpy()
+    assert all(len(preview.positions) > TOO_SMALL_TO_WAIT for preview in previews[1:])
+
+
+def test_large_meshes_spend_little_on_previews() -> None:
+    rough = grid(150)
+    noise = np.random.default_rng(1).random(len(rough.vertices))
+    quantized = quantize(Mesh(rough.vertices + np.array([0, 0, 0.02]) * noise[:, None], rough.faces), 10)
+    previews = chosen(quantized)
+    assert len(previews) > 0
+    assert all(len(preview.positions) <= len(quantized.positions) / LARGE_RATIO for preview in previews)
+
+
+def test_payloads_hold_the_previews() -> None:
+    for preview in bumpy()[1]:
+        leaf_depth = int.from_bytes(preview.payload[:1], "little") - preview.bits * (preview.bits + 1) // 2
+        assert 0 < leaf_depth <= preview.bits
+        assert 10 < 8 * len(preview.payload) / len(preview.positions) < 40
 
 
 def test_vertices_are_placed_in_the_original_grid() -> None:
-    preview = Preview(np.array([[0, 1, 15]], np.int32), NO_FACES, 4, 64)
+    preview = Preview(np.array([[0, 1, 15]], np.int32), NO_FACES, 4, b"")
     assert preview.vertices(8).tolist() == [[0.0, 17.0, 255.0]]
 
 
@@ -213,22 +263,31 @@ def test_vertices_are_placed_in_the_original_grid() -> None:
     ("positions", "faces", "message"),
     [
         (np.zeros((0, 3), np.int32), NO_FACES, "at least one vertex"),
-        (np.zeros((4, 2), np.int32), NO_FACES, "at least one vertex"),
+        (np.zeros((4, 2), np.int32), NO_FACES, r"\(n, 3\)"),
         (np.array([[0, 0, 1 << BITS]], np.int32), NO_FACES, "quantize the mesh"),
         (np.array([[0, 0, -1]], np.int32), NO_FACES, "quantize the mesh"),
-        (np.zeros((2, 3), np.int32), np.zeros((1, 4), np.int32), r"\(m, 3\)"),
-        (np.zeros((2, 3), np.int32), np.array([[0, 1, 2]], np.int32), "vertices 0..1"),
-        (np.zeros((2, 3), np.int32), np.array([[0, 1, -1]], np.int32), "vertices 0..1"),
+        (np.zeros((2, 3), np.int32), np.zeros((1, 4), np.int32), r"\(n, 3\)"),
+        (TWO, np.array([[0, 1, 2]], np.int32), "vertex that is not there"),
+        (TWO, np.array([[0, 1, -1]], np.int32), "vertex that is not there"),
+        (TWO[::-1], NO_FACES, "in Morton order"),
+        (TWO[[0, 0]], NO_FACES, "pairwise different"),
     ],
 )
 def test_arrays_that_are_no_mesh_are_refused(
     positions: npt.NDArray[np.int32], faces: npt.NDArray[np.int32], message: str
 ) -> None:
     with pytest.raises(MeshError, match=message):
-        make_previews(positions, faces, BITS)
+        make_previews(positions, faces, BITS, RATIOS)
+    with pytest.raises(MeshError, match=message):
+        choose_previews(positions, faces, BITS)
 
 
 @pytest.mark.parametrize(("bits", "ratios"), [(0, (64,)), (21, (64,)), (BITS, (1,)), (BITS, (64, 0))])
 def test_options_out_of_range_are_refused(bits: int, ratios: tuple[int, ...]) -> None:
     with pytest.raises(OptionError):
         make_previews(np.zeros((1, 3), np.int32), NO_FACES, bits, ratios)
+
+
+def test_a_depth_out_of_range_is_refused() -> None:
+    with pytest.raises(OptionError, match="depth must be"):
+        choose_previews(np.zeros((1, 3), np.int32), NO_FACES, 21)

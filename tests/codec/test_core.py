@@ -25,6 +25,11 @@ def _loads_anew() -> Iterator[None]:
     core.library.cache_clear()
 
 
+@pytest.fixture(autouse=True)
+def _no_other_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MESHTIDE_CORE", raising=False)
+
+
 def libraries(folder: Path) -> None:
     for path in Path(core.__file__).parent.glob("libmeshtide_core_*"):
         shutil.copy(path, folder)
@@ -69,6 +74,12 @@ def test_a_missing_core_is_one_sentence_with_a_remedy(tmp_path: Path, monkeypatc
     assert isinstance(caught.value, MeshtideError)
     monkeypatch.setattr(core, "_SOURCES", tmp_path)
     with pytest.raises(CoreError, match=r"; run `pip install --force-reinstall --no-binary meshtide meshtide` to"):
+        core.library()
+
+
+def test_a_core_that_lacks_a_function_is_one_sentence_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(core._OTHERS, "mt_new_function", (None, ()))
+    with pytest.raises(CoreError, match=r"it has no mt_new_function; run `pip install --editable "):
         core.library()
 
 

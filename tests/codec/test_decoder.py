@@ -21,7 +21,8 @@ from meshtide_codec.errors import ContainerError, LimitError, PacketError
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.stream.header import StreamHeader
+from meshtide_codec.stream.container import write_container
+from meshtide_codec.stream.header import StreamHeader, packet_table
 from meshtide_codec.stream.packets import Packet, PacketKind
 from streams import check_with_one_damaged_packet, encoded_grid
 
@@ -183,7 +184,7 @@ def test_the_header_tells_the_distance_of_each_level() -> None:
     assert rms[-1] == 0.0
     assert all(row.maximum >= row.rms for row in encoded.header.levels)
     coarsest = encoded.header.levels[0]
-    cell = 2.0 ** (encoded.header.options["shifts"][-1]) / (2**8 - 1)
+    cell = 2.0 ** (encoded.header.options.shifts[-1]) / (2**8 - 1)
     largest = cell * encoded.header.extent * 3**0.5 / 2
     assert coarsest.maximum * grid(16).diagonal <= 1.25 * largest  # a maximum is stored at most 1/4 too large
 
@@ -195,6 +196,21 @@ def test_decoding_a_coarser_level_needs_only_its_packets() -> None:
     assert (len(mesh.vertices), len(mesh.faces)) == (row.vertices, row.faces)
     with pytest.raises(KeyError, match="levels 0"):
         decode(encoded.to_bytes(), 40)
+
+
+def test_decoding_a_level_reads_no_preview_but_its_own() -> None:
+    encoded = encode(grid(60), CompactOptions(bits=10, previews=(40, 10)))
+    levels = [packet.level for packet in encoded.packets if packet.kind is PacketKind.PREVIEW]
+    assert len(levels) == 2
+    damaged = [
+        replace(packet, payload=bytes(9)) if packet.kind is PacketKind.PREVIEW else packet for packet in encoded.packets
+    ]
+    table, packet_bytes = packet_table(damaged)
+    data = write_container(replace(encoded.header, packets=table), packet_bytes)
+    assert_exact(decode(data), encoded)
+    for level in levels:
+        with pytest.raises(PacketError, match=f"level {level}, Preview packet"):
+            decode(data, level)
 
 
 def test_packets_that_do_not_belong_are_refused() -> None:
@@ -223,7 +239,7 @@ def test_an_error_names_level_and_packet() -> None:
     decoder = Decoder(encoded.header)
     decoder.push(encoded.packets[0])
     bad = replace(encoded.packets[1], payload=b"\x05abc")
-    with pytest.raises(PacketError, match=rf"level {bad.level}, Map&Conn packet, byte 0"):
+    with pytest.raises(PacketError, match=rf"level {bad.level}, Map&Conn packet, byte 4"):
         decoder.push(bad)
     assert decoder.finest == encoded.packets[0].level
 
@@ -239,17 +255,18 @@ def test_a_waiting_packet_that_turns_out_damaged_is_named() -> None:
 
 def test_headers_that_make_no_sense_are_refused() -> None:
     header = encoded_grid().header
-    with pytest.raises(ContainerError, match="unknown profile"):
-        Decoder(replace(header, profile="future"))
-    with pytest.raises(ContainerError, match="level table"):
+    with pytest.raises(ContainerError, match="not one state for each level"):
         Decoder(replace(header, levels=header.levels[1:]))
     finest = replace(header.levels[-1], vertices=1)
     with pytest.raises(ContainerError, match="fewer vertices"):
         Decoder(replace(header, levels=(*header.levels[:-1], finest)))
     with pytest.raises(LimitError, match="vertices"):
         Decoder(header, Limits(vertices=10))
-    with pytest.raises(KeyError, match="not available"):
-        Decoder(header).mesh(0)
+    for level in (0, -1, 64):
+        assert not Decoder(header).is_available(level)
+        assert not Decoder(header).is_exact(level)
+        with pytest.raises(KeyError, match="not available"):
+            Decoder(header).mesh(level)
 
 
 @given(st.data())
@@ -278,7 +295,8 @@ def test_a_hostile_stream_takes_no_more_memory_than_the_limit(
             with suppress(PacketError, LimitError):
                 decoder.push(packet if junk is None else replace(packet, payload=junk))
             if decoder.finest is not None:
-                decoder.mesh(decoder.finest)
+                with suppress(PacketError):
+                    decoder.mesh(decoder.finest)
         assert tracemalloc.get_traced_memory()[1] < limits.memory
     finally:
         tracemalloc.stop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
@@ -93,6 +94,16 @@ def test_the_meter_keeps_its_original() -> None:
     first = meter.measure(other, mesh.faces)
     meter.measure(mesh.vertices * 2, mesh.faces)
     assert meter.measure(other, mesh.faces) == first == distortion(arrays(mesh), (other, mesh.faces))
+
+
+def test_threads_share_a_meter() -> None:
+    mesh = grid(50)
+    meter = DistortionMeter(*arrays(mesh))
+    others = [raised(mesh.vertices, height) for height in (0.1, 0.2, 0.3, 0.4)]
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda vertices: meter.measure(vertices, mesh.faces), others))
+    assert found == [meter.measure(vertices, mesh.faces) for vertices in others]
+    assert [one.rms for one in found] == sorted({one.rms for one in found})
 
 
 def test_points_are_measured_from_vertex_to_vertex() -> None:

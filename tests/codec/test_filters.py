@@ -6,14 +6,13 @@ import hashlib
 import math
 from typing import TYPE_CHECKING, Any
 
-import msgpack
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import chebyshev
 
-from meshtide_codec.errors import ContainerError, MeshError, OptionError, ParamError
+from meshtide_codec.errors import MeshError, OptionError, ParamError
 from meshtide_codec.filters import (
     SMALLEST_DENOMINATOR,
     FilterSpec,
@@ -50,26 +49,6 @@ def dense_k(adjacency: Adjacency) -> NDArray[np.float64]:
     return np.stack([apply_k(adjacency, row) for row in np.eye(adjacency.vertex_count)], axis=1)
 
 
-specs = st.one_of(
-    st.builds(FilterSpec, st.sampled_from(["zeroth", "gaussian"])),
-    st.builds(FilterSpec, st.just("taubin"), taubin_lambda=st.floats(0, 2), taubin_mu=st.floats(0, 2)),
-    st.builds(
-        FilterSpec,
-        st.just("polynomial"),
-        st.integers(0, 15),
-        st.sampled_from(["power", "chebyshev"]),
-        st.one_of(st.floats(1, 2), st.just(math.inf)),
-    ),
-    st.builds(FilterSpec, st.just("rational"), st.integers(0, 15), denominator_degree=st.integers(1, 4)),
-)
-
-
-@given(specs)
-def test_a_header_goes_through_msgpack_and_back(spec: FilterSpec) -> None:
-    header = msgpack.unpackb(msgpack.packb(spec.to_header()))
-    assert FilterSpec.from_header(header) == spec
-
-
 @pytest.mark.parametrize(
     "fields",
     [
@@ -98,28 +77,6 @@ def test_a_header_goes_through_msgpack_and_back(spec: FilterSpec) -> None:
 def test_options_out_of_range_are_refused(fields: dict[str, Any]) -> None:
     with pytest.raises(OptionError):
         FilterSpec(**fields)
-
-
-@pytest.mark.parametrize(
-    "header",
-    [
-        None,
-        [],
-        {},
-        {"kind": "median"},
-        {"kind": {}},
-        {"kind": "zeroth", "degree": 3},
-        {"kind": "polynomial", "degree": 3, "basis": "power"},
-        {"kind": "polynomial", "degree": 99, "basis": "power", "norm": 2.0},
-        {"kind": "polynomial", "degree": 3, "basis": b"power", "norm": 2.0},
-        {"kind": "polynomial", "degree": 3, "basis": "power", "norm": None},
-        {"kind": "taubin", "taubin_lambda": math.inf, "taubin_mu": 0.5},
-        {"kind": "gaussian", 5: 5},
-    ],
-)
-def test_bad_headers_are_damaged_containers(header: object) -> None:
-    with pytest.raises(ContainerError):
-        FilterSpec.from_header(header)
 
 
 def test_fields_that_a_kind_does_not_use_are_neutral() -> None:

@@ -142,24 +142,6 @@ def test_bad_faces_are_named(faces: NDArray[np.int32], count: int, message: str)
 
 
 @pytest.mark.parametrize(
-    ("offsets", "neighbours"),
-    [
-        (np.array([], np.int64), np.array([], np.int32)),
-        (np.array([0, 1], np.int32), np.array([0], np.int32)),
-        (np.array([0, 1]), np.array([0], np.int64)),
-        (np.array([1, 1]), np.array([0], np.int32)),
-        (np.array([0, 2]), np.array([0], np.int32)),
-        (np.array([0, 2, 1]), np.array([0], np.int32)),
-        (np.array([0, 1]), np.array([1], np.int32)),
-        (np.array([0, 1]), np.array([-1], np.int32)),
-    ],
-)
-def test_an_adjacency_of_bad_arrays_is_refused(offsets: NDArray[np.int64], neighbours: NDArray[np.int32]) -> None:
-    with pytest.raises(MeshError):
-        Adjacency(offsets, neighbours)
-
-
-@pytest.mark.parametrize(
     ("values", "message"),
     [
         (np.zeros(3), "shape"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -137,7 +138,7 @@ def test_every_cut_and_every_flipped_bit_is_an_order_or_an_error() -> None:
 def test_a_vertex_that_no_input_vertex_became_ends_in_an_error() -> None:
     faces = np.array([[0, 1, 2]], np.int32)
     packet = order_packet(Order(np.array([0, 1, 2]), np.array([[0, 1, 2]])), faces, 3)
-    with pytest.raises(PacketError, match="it does not hold 3 indices below 4 and 1 faces"):
+    with pytest.raises(PacketError, match="names what is not there"):
         read_order(packet, np.array([[0, 1, 3]], np.int32), 4)
 
 
@@ -151,5 +152,33 @@ def test_a_second_order_is_refused() -> None:
     encoded = encode(Mesh.checked([[0, 0, 0], [1, 1, 1]], []), store_order=True)
     decoder = Decoder(encoded.header)
     decoder.push(encoded.packets[-1])
-    with pytest.raises(PacketError, match="no such packet"):
+    with pytest.raises(PacketError, match="came twice"):
         decoder.push(encoded.packets[-1])
+
+
+def test_an_order_packet_has_to_be_announced() -> None:
+    encoded = encode(grid(6), CompactOptions(bits=8), store_order=True)
+    order = encoded.packets[-1]
+    without = Decoder(encode(grid(6), CompactOptions(bits=8)).header)
+    with pytest.raises(PacketError, match="no such packet"):
+        without.push(order)
+    for moved in (replace(order, level=7), replace(order, slice=3)):
+        with pytest.raises(PacketError, match="no such packet"):
+            Decoder(encoded.header).push(moved)
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xff" * 40])
+def test_a_damaged_order_takes_no_level_away_and_may_come_again(payload: bytes) -> None:
+    encoded = encode(grid(6), CompactOptions(bits=8), store_order=True)
+    order = encoded.packets[-1]
+    decoder, expected = Decoder(encoded.header), Decoder(encoded.header)
+    decoder.push(replace(order, payload=payload))
+    for packet in encoded.packets[:-1]:
+        assert decoder.push(packet) == expected.push(packet)
+    with pytest.raises(PacketError):
+        _ = decoder.order
+    with pytest.raises(PacketError):  # now it is read at once
+        decoder.push(replace(order, payload=payload))
+    decoder.push(order)
+    assert decoder.order is not None
+    assert np.array_equal(decoder.order.vertices, encoded.quantized.permutation)

@@ -15,7 +15,14 @@ from meshtide_codec.errors import OptionError
 from meshtide_codec.grid import Grid
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import save_mesh
-from meshtide_codec.own_streams import check_same_mesh, has_cube_of, is_stream_of, stream_target
+from meshtide_codec.own_streams import (
+    check_same_mesh,
+    default_mesh,
+    default_stream,
+    has_cube_of,
+    is_stream_of,
+    stream_target,
+)
 from streams import encoded_grid
 
 
@@ -162,3 +169,11 @@ def test_the_source_is_never_its_own_stream(tmp_path: Path) -> None:
 
 def test_what_comes_from_standard_input_goes_to_standard_output() -> None:
     assert stream_target(Path("-"), None, overwrite=False).is_standard_output
+
+
+@pytest.mark.parametrize("name", [".", "/"])
+def test_what_can_only_be_a_folder_has_no_file_beside_it(name: str) -> None:
+    with pytest.raises(IsADirectoryError):
+        default_stream(Path(name))
+    with pytest.raises(IsADirectoryError):
+        default_mesh(Path(name), "ply")

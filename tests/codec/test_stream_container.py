@@ -27,6 +27,7 @@ from meshtide_codec.stream.container import (
     read_container,
     write_container,
 )
+from meshtide_codec.stream.header import FORMAT_VERSION
 from meshtide_codec.stream.packets import Packet
 from streams import MadeUpStream, encoded_grid
 
@@ -37,7 +38,11 @@ STARTS = [PREAMBLE_BYTES + len(STREAM.header_bytes) + int(offset) for offset in 
 
 def test_layout() -> None:
     assert FILE[:8] == MAGIC
-    assert struct.unpack("<HII", FILE[8:18]) == (3, len(STREAM.header_bytes), zlib.crc32(STREAM.header_bytes))
+    assert struct.unpack("<HII", FILE[8:18]) == (
+        FORMAT_VERSION,
+        len(STREAM.header_bytes),
+        zlib.crc32(STREAM.header_bytes),
+    )
     assert FILE[18 : 18 + len(STREAM.header_bytes)] == STREAM.header_bytes
     assert preamble(STREAM.header_bytes) == FILE[: STARTS[0]]
     assert len(FILE) == STARTS[-1]
@@ -101,7 +106,7 @@ def test_foreign_files_and_other_versions() -> None:
     for foreign in (b"ply\nformat ascii 1.0", b"\x89PNG\r\n\x1a\n" + bytes(100), b"x"):
         with pytest.raises(ContainerError, match="not a .tide file"):
             read_container(foreign)
-    for version, wrong in ((1, "older meshtide .format 1.: encode it again"), (4, "newer meshtide .format 4;")):
+    for version, wrong in ((1, "older meshtide .format 1.: encode it again"), (5, "newer meshtide .format 5;")):
         with pytest.raises(VersionError, match=wrong):
             read_container(FILE[:8] + bytes([version, 0]) + FILE[10:])
         header = bytes([version]) + STREAM.header.to_bytes()[1:]

@@ -5,8 +5,8 @@ import struct
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshtide_codec.reference.packed_header import distances as reference_distances
-from meshtide_codec.stream.distances import LARGEST, pack_distances, stored_distances, unpack_distances
+from meshtide_codec.reference.header import distances as reference_distances
+from meshtide_codec.stream.distances import LARGEST, stored_distances
 
 SHOWN = st.floats(1e-9, LARGEST)
 
@@ -20,21 +20,22 @@ def test_stored_distances_are_a_little_too_large_and_never_too_small(rms: float,
     assert stored_distances(stored_rms, stored_maximum) == (stored_rms, stored_maximum)
 
 
-@given(st.integers(0, 65535))
-def test_every_word_is_read_as_the_reference_reads_it(word: int) -> None:
-    data = struct.pack(">H", word)
-    assert unpack_distances(data) == reference_distances(data)
+WORDS = [reference_distances(struct.pack(">H", word)) for word in range(1 << 16)]
 
 
-def test_larger_codes_are_larger_distances() -> None:
-    distances = [unpack_distances(struct.pack(">H", code << 5)) for code in range(2048)]
-    assert distances == sorted(set(distances))
-    maxima = [unpack_distances(struct.pack(">H", 99 << 5 | code))[1] for code in range(32)]
-    assert maxima == sorted(set(maxima))
+@given(st.sampled_from(WORDS[1:]))
+def test_what_a_word_tells_is_stored_as_it_is(told: tuple[float, float]) -> None:
+    assert stored_distances(*told) == told
+
+
+@given(SHOWN, st.floats(1.0, 180.0))
+def test_no_word_that_is_not_below_is_nearer(rms: float, factor: float) -> None:
+    maximum = min(rms * factor, LARGEST)
+    assert stored_distances(rms, maximum) == min(told for told in WORDS if told[0] >= rms and told[1] >= maximum)
 
 
 def test_the_ends_of_the_scale() -> None:
-    assert pack_distances(0.0, 0.0) == b"\0\0"
+    assert stored_distances(0.0, 0.0) == (0.0, 0.0)
     smallest, _ = stored_distances(5e-324, 5e-324)
     assert 0.0 < smallest < 1e-9
     assert stored_distances(0.0, 1e-12)[0] == smallest

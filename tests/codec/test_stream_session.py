@@ -18,15 +18,8 @@ from meshtide_codec.stream.messages import (
     decode_message,
     encode_message,
 )
-from meshtide_codec.stream.session import (
-    ClientSession,
-    DoneEvent,
-    HeaderEvent,
-    PacketEvent,
-    ServerSession,
-    Until,
-    error_frame,
-)
+from meshtide_codec.stream.session import ClientSession, DoneEvent, HeaderEvent, PacketEvent, Until, error_frame
+from server_end import ServerEnd
 from streams import MadeUpStream
 
 STREAM = MadeUpStream((100, 700_000, 30, 2000, 0, 5, 270_000))
@@ -35,9 +28,9 @@ COUNT = len(STREAM.packets)
 
 def converse(
     client: ClientSession, source: MadeUpStream = STREAM, frames: int | None = None
-) -> tuple[list[HeaderEvent | PacketEvent | DoneEvent], ServerSession]:
+) -> tuple[list[HeaderEvent | PacketEvent | DoneEvent], ServerEnd]:
     """Carry frames between the two ends until they are done, or until `frames` have been delivered."""
-    server = ServerSession("mesh", source)
+    server = ServerEnd("mesh", source)
     server.receive(client.hello())
     events = []
     while not client.finished and (frames is None or frames > 0):
@@ -106,7 +99,7 @@ def test_a_changed_stream_starts_over() -> None:
 
 
 def test_the_server_never_sends_more_than_was_granted() -> None:
-    server = ServerSession("mesh", STREAM)
+    server = ServerEnd("mesh", STREAM)
     server.receive(encode_message(Hello(1, "mesh", b"", (), None, None, None, 1000)))
     granted = 1000
     while not server.finished:
@@ -126,7 +119,7 @@ def test_a_window_of_a_few_bytes_is_slow_but_works() -> None:
 
 
 def test_without_credit_nothing_is_sent() -> None:
-    server = ServerSession("mesh", STREAM)
+    server = ServerEnd("mesh", STREAM)
     assert not server.greeted
     assert server.next_frame() is None
     server.receive(encode_message(Hello(1, "mesh", b"", (), None, None, None, 0)))
@@ -182,7 +175,7 @@ def hello(**changes: object) -> bytes:
 
 
 def test_the_server_refuses_a_credit_that_grants_nothing() -> None:
-    server = ServerSession("mesh", STREAM)
+    server = ServerEnd("mesh", STREAM)
     server.receive(hello(credit=0))
     assert server.next_frame() is None
     with pytest.raises(ProtocolError, match="a credit of 0 bytes"):
@@ -192,7 +185,7 @@ def test_the_server_refuses_a_credit_that_grants_nothing() -> None:
 
 
 def test_the_server_refuses_what_is_out_of_turn() -> None:
-    server = ServerSession("mesh", STREAM)
+    server = ServerEnd("mesh", STREAM)
     with pytest.raises(ProtocolError, match="Credit is not expected"):
         server.receive(encode_message(Credit(1)))
     with pytest.raises(ProtocolError, match="protocol version 2"):
@@ -275,7 +268,7 @@ def test_done_is_checked_against_header_and_bound(until: Until, claimed: int) ->
     wanted = until.packet_count(STREAM.header, len(STREAM.header_bytes))
     for sent in range(wanted):
         client = ClientSession("mesh", until=until)
-        server = ServerSession("mesh", STREAM)
+        server = ServerEnd("mesh", STREAM)
         server.receive(client.hello())
         events: list[object] = []
         while sum(isinstance(event, PacketEvent) for event in events) < sent or client.header is None:
@@ -355,7 +348,7 @@ def test_long_explanations_are_cut() -> None:
 
 @given(st.lists(st.binary(max_size=60), max_size=5))
 def test_foreign_frames_raise_from_the_tree_only(frames: list[bytes]) -> None:
-    for session in (ServerSession("mesh", STREAM), ClientSession("mesh")):
+    for session in (ServerEnd("mesh", STREAM), ClientSession("mesh")):
         try:
             for frame in frames:
                 session.receive(frame)

@@ -37,7 +37,7 @@ def ready_meshes(database: Path) -> int:
 
 def test_a_folder_is_ingested_interrupted_gone_on_with_and_served(tmp_path: Path, meshtide: Any) -> None:
     files = small_meshes(tmp_path / "scans", 30)
-    expected = {file.stem: expected_stream(file) for file in files}  # first: this compiles the kernels, if need be
+    expected = {file.stem: expected_stream(file) for file in files}
     target = tmp_path / "kept"
     command = ("ingest", tmp_path / "scans", "--data", target, "--workers", "2", *HOW, "--json")
     with meshtide.start(*command) as process:

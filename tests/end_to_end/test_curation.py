@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from meshes import grid
-from meshtide_client.curation.requests import change_mesh, delete_mesh, list_tags
-from meshtide_client.listing import list_meshes
 from meshtide_client.main import build
+from meshtide_client.remote.edit import change_mesh, delete_mesh, list_tags
+from meshtide_client.remote.listing import list_meshes
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError

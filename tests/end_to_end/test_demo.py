@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from meshtide_client.listing import list_meshes
+from meshtide_client.remote.listing import list_meshes
 from meshtide_codec.command_line import ExitCode
 from meshtide_codec.errors import TransferError
 from meshtide_codec.mesh_files import load_mesh

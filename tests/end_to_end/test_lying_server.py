@@ -32,18 +32,17 @@ reader = ContainerReader()
 reader.feed(whole)
 
 
-class Source:
-    header, header_bytes = reader.header, reader.header_bytes
-
-    def packet_part(self, index, start, end):
-        return reader.packets[index].payload[start:end]
+def framed(due):
+    if isinstance(due, bytes):
+        return due
+    return due.frame(reader.packets[due.index].payload[due.start : due.end])
 
 
 def handle(socket):
     hello = decode_message(socket.recv())
-    honest = ServerSession(hello.mesh, Source())
+    honest = ServerSession(hello.mesh, reader.header, reader.header_bytes)
     honest.receive(encode_message(hello))
-    frames = [honest.next_frame() for _ in range(1 + packets)]
+    frames = [framed(honest.next()) for _ in range(1 + packets)]
     for frame in frames:
         socket.send(frame)
     if lie == "done":

@@ -13,7 +13,7 @@ import pytest
 
 import meshtide_client
 from meshes import grid
-from meshtide_client.transport import Link
+from meshtide_client.connection.link import Link
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import meshtide_client
-from meshtide_client.transport import Link
+from meshtide_client.connection.link import Link
 from nginx_proxy import behind_nginx, wait_for
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import hashlib
 from meshtide_codec.stream.container import ContainerReader, fingerprint
 from meshtide_server.catalogue import StreamRecord
 
-from .conftest import make_stream
+from .made_streams import make_stream
 
 
 def stream_record(seed: int = 0) -> StreamRecord:

@@ -1,4 +1,4 @@
-"""Streams of random bytes, and servers to host them: what the tests of the server share."""
+"""Folders, applications and servers that host them: what the tests of the server share."""
 
 from __future__ import annotations
 
@@ -8,27 +8,24 @@ import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from random import Random
 from typing import TYPE_CHECKING, Any
 
 import httpx
 import pytest
 
-from meshtide_codec.stream.container import write_container
-from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
-from meshtide_codec.stream.packets import Packet, PacketKind
 from meshtide_server.app import create_app
 from meshtide_server.serving import Announcement, Server, bind, configuration, url_of
 from meshtide_server.settings import Settings
 
 from .databases import catalogue, database_url, postgresql  # noqa: F401 - fixtures
+from .libraries import encoders  # noqa: F401 - a fixture
+from .made_streams import make_stream
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Iterator
 
     from fastapi import FastAPI
 
-GOLDEN = Path(__file__).parents[1] / "golden"
 TETRAHEDRON = """\
 v 0 0 0
 v 1 0 0
@@ -39,42 +36,6 @@ f 1 2 4
 f 1 4 3
 f 2 3 4
 """
-
-
-def make_stream(seed: int = 0, payloads: tuple[int, ...] = (400, 30, 40, 2000, 50, 5000)) -> bytes:
-    """A `.tide` file whose packets hold random bytes of the given lengths; three levels, valid in every respect."""
-    random = Random(seed)
-    places = (
-        (PacketKind.BASE, 2),
-        (PacketKind.MAP_CONN, 1),
-        (PacketKind.DIFF, 1),
-        (PacketKind.MAP_CONN, 0),
-        (PacketKind.PARAM, 0),
-        (PacketKind.DIFF, 0),
-    )
-    packets = [
-        Packet(kind, level, 0, random.randbytes(length)) for (kind, level), length in zip(places, payloads, strict=True)
-    ]
-    table, encoded = packet_table(packets)
-    header = StreamHeader(
-        profile="classic",
-        options={"seed": seed, "mark": b"\x00\xff"},
-        bits=12,
-        origin=(0.0, -1.0, 0.5),
-        extent=2.0,
-        levels=(
-            LevelEntry(2, 1, 100, 196, 0.02, 0.05),
-            LevelEntry(1, 3, 400, 796, 0.01, 0.03),
-            LevelEntry(0, 6, 1600, 3196, 0.0, 0.0),
-        ),
-        packets=table,
-    )
-    return write_container(header, encoded)
-
-
-def real_stream(number: int) -> bytes:
-    """A small `.tide` file that decodes, one of five for the numbers 1 to 5."""
-    return (GOLDEN / f"compact-scattered-{number}.tide").read_bytes()
 
 
 @pytest.fixture
@@ -91,7 +52,7 @@ async def app(folder: Path) -> AsyncIterator[FastAPI]:
     """An application that hosts the folder, its meshes settled; without a socket."""
     application = create_app(Settings(directory=folder, rescan_seconds=0))
     async with application.router.lifespan_context(application):
-        await application.state.library.settled()
+        await application.parts.library.folder.settled()
         yield application
 
 
@@ -135,9 +96,9 @@ class LiveServer:
     def running_streams(self, expected: int, seconds: float = 5.0) -> int:
         """How many streams run, once they are `expected` or the time is over."""
         deadline = time.monotonic() + seconds
-        while self.app.state.streams.count != expected and time.monotonic() < deadline:
+        while self.app.parts.streams.count != expected and time.monotonic() < deadline:
             time.sleep(0.01)
-        return int(self.app.state.streams.count)
+        return int(self.app.parts.streams.count)
 
 
 @contextmanager
@@ -162,7 +123,7 @@ def running(settings: Settings) -> Iterator[LiveServer]:
     thread.start()
     try:
         assert ready.wait(20)
-        asyncio.run_coroutine_threadsafe(app.state.library.settled(), loops[0]).result(60)
+        asyncio.run_coroutine_threadsafe(app.parts.library.folder.settled(), loops[0]).result(60)
         yield LiveServer(url_of(listener), app, loops[0], server)
     finally:
         server.should_exit = True

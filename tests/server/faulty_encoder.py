@@ -1,6 +1,6 @@
 """An encoder's process in which some jobs go wrong, as the names of their files say; all others are encoded.
 
-Run like `meshtide_server.encoding`, with the same arguments.
+Run like `meshtide_server.encoding.worker`, with the same arguments.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from meshtide_codec.errors import MeshFileError
-from meshtide_server import encoding
+from meshtide_server.encoding import worker as encoding
 
 STREAM = Path(__file__).parents[1] / "golden" / "compact-scattered-1.tide"
 BURNT_SECONDS = 0.6

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 from collections.abc import AsyncIterator
+from contextlib import closing
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -85,6 +86,23 @@ class StoreConformance:
                 await store.head(key)
             await store.delete(key)
         assert await store.get("folder/a") == b"x"
+
+    async def test_ranges_are_read_again_and_again(self, store: Store) -> None:
+        data = bytes(range(256))
+        await store.put("streams/a.tide", data)
+        reader = await store.open_range_reader("streams/a.tide")
+        assert reader.size in {None, len(data)}
+        with closing(reader.open()) as first, closing(reader.open()) as second:
+            for opened, start, end in ((first, 0, 256), (second, 7, 11), (first, 255, 256)):
+                assert await opened.read(start, end) == data[start:end]
+                assert opened.at_hand(start, end) == (data[start:end] if reader.is_near else None)
+        assert reader.unchanged()
+
+    async def test_a_range_reader_of_nothing_is_refused_at_once_or_when_it_is_read(self, store: Store) -> None:
+        with pytest.raises(MissingObjectError):
+            await (await store.open_range_reader("streams/none.tide")).open().read(0, 1)
+        with pytest.raises(InvalidKeyError):
+            await store.open_range_reader("../none")
 
     async def test_deleted_objects_are_gone(self, store: Store) -> None:
         await store.put("a", b"x")

@@ -23,7 +23,7 @@ from docker_files import (
     secret_maker,
     service,
 )
-from meshtide_server.metrics import REGISTRY
+from meshtide_server.operations.metrics import REGISTRY
 from meshtide_server.settings import Settings
 
 
@@ -126,15 +126,6 @@ def test_the_core_is_compiled_where_there_is_a_compiler_and_nowhere_else() -> No
     assert "**/libmeshtide_core_*" in (ROOT / ".dockerignore").read_text().splitlines()
 
 
-def test_kernels_are_compiled_in_the_image_for_every_processor() -> None:
-    build = [value for name, value in instructions() if name == "RUN" and "warm_up" in value]
-    assert len(build) == 1
-    assert image_environment()["NUMBA_CPU_NAME"] == "generic"
-    folder = image_environment()["NUMBA_CACHE_DIR"]
-    assert [value for name, value in instructions() if name == "ENV" and f"NUMBA_CACHE_DIR={folder}" in value]
-    assert f"chown --recursive meshtide:meshtide {folder}" in [value for name, value in final_stage() if name == "RUN"]
-
-
 def test_meshes_are_read_only_and_the_cache_lasts() -> None:
     assert json.loads(only("VOLUME")) == ["/meshes", "/cache"]
     assert service("meshtide")["volumes"] == ["./meshes:/meshes:ro", "cache:/cache"]
@@ -216,7 +207,7 @@ def _texts(value: Any) -> list[str]:
 
 
 def test_the_image_has_what_bucket_and_database_need() -> None:
-    (install,) = [value for name, value in instructions() if name == "RUN" and "warm_up" in value]
+    (install,) = [value for name, value in instructions() if name == "RUN" and "bin/pip install" in value]
     assert '"$(echo /wheels/*.whl)[s3,postgres]"' in install
     assert all(service(name)["image"] == service("s3")["image"] for name in ("s3", "bucket"))
     assert "-master.telemetry=false" in service("s3")["command"]

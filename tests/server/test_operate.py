@@ -7,7 +7,7 @@ from types import ModuleType
 
 import pytest
 
-from meshtide_server.metrics import REGISTRY
+from meshtide_server.operations.metrics import REGISTRY
 from meshtide_server.settings import Settings
 
 ROOT = Path(__file__).parents[2]

@@ -29,7 +29,7 @@ from meshtide_server.app import create_app
 from meshtide_server.serving import AddressError, bind, configuration, is_announcement, url_of
 from meshtide_server.settings import Settings
 
-from .conftest import make_stream
+from .made_streams import make_stream
 
 LARGE_PAYLOADS = (3000, 500, 600_000, 700_000, 50, 40_000_000)
 

@@ -1,11 +1,12 @@
 // The C interface: handles, checks of arguments, and failures as errors.
+#include "interface.hpp"
+
 #include "base/processor.hpp"
 #include "codec/compact_decoder.hpp"
-#include "meshtide.h"
+#include "codec/preview_payload.hpp"
 #include "self_check.hpp"
 
 #include <cstddef>
-#include <new>
 
 #ifndef MESHTIDE_SOURCES
 #define MESHTIDE_SOURCES ""
@@ -26,71 +27,29 @@ struct mt_stream {
 };
 
 struct mt_decoder {
-    mt_decoder(const Header& header, const Limits& limits)
-        : budget(limits.memory), decoder(header, limits, budget), shown(budget) {}
+    mt_decoder(const Header& header, const Limits& limits, const Trained& trained)
+        : budget(limits.memory), decoder(make_stream_decoder(header, trained, budget)), shown(budget) {}
     Budget budget;
-    CompactDecoder decoder;
+    std::unique_ptr<StreamDecoder> decoder;
     Shown shown;
 };
 
 struct mt_encoder {
-    mt_encoder() : budget(UINT64_MAX), positions(budget), faces(budget), payload(budget), coded(budget) {}
+    mt_encoder() : budget(UINT64_MAX), positions(budget), payload(budget) {}
     Budget budget;
-    Array<int32_t> positions, faces;
-    Array<uint8_t> payload, coded;
+    Array<int32_t> positions;
+    Array<uint8_t> payload;
+    size_t slice_count = 0;
     std::unique_ptr<Octree> octree;
     std::unique_ptr<EncoderLayers> layers;
+
+    EncoderLayers& coding() const {
+        if (!layers) fail(Fault::argument, "coding was finished");
+        return *layers;
+    }
 };
 
 namespace {
-
-#ifndef __wasm__ // where a failure ends the instance, and its host reads mt_last_failure
-void tell(mt_error* error, const Failure& failure, const PacketPlace* place) {
-    if (error == nullptr) return;
-    *error = {static_cast<int32_t>(failure.fault),
-              -1,
-              -1,
-              -1,
-              failure.offset,
-              failure.claimed,
-              failure.allowed,
-              failure.text};
-    if (place == nullptr) return;
-    error->kind = static_cast<int32_t>(place->kind);
-    error->level = static_cast<int32_t>(place->level);
-    error->slice = static_cast<int32_t>(place->slice);
-}
-#endif
-
-// Runs something that may fail. In WebAssembly a failure traps instead, see base/failure.cpp.
-template <class Work>
-int32_t guarded(mt_error* error, Work work, const PacketPlace* place = nullptr) {
-#ifdef __wasm__
-    (void)error, (void)place;
-    work();
-    return MT_OK;
-#else
-    try {
-        work();
-        return MT_OK;
-    } catch (const Failure& failure) {
-        tell(error, failure, place);
-        return static_cast<int32_t>(failure.fault);
-    } catch (const std::bad_alloc&) {
-        tell(error, {Fault::memory, "the system has no memory left"}, place);
-        return MT_MEMORY;
-    }
-#endif
-}
-
-void require(bool condition, const char* text) {
-    if (!condition) fail(Fault::argument, text);
-}
-
-template <class T>
-Span<const T> lent(const T* data, uint64_t count) {
-    return {data, checked_size(count)};
-}
 
 void fill_fields(mt_stream& stream) {
     const Header& header = stream.header;
@@ -143,7 +102,10 @@ void take_fields(const mt_header& fields, Header& header) {
     compact.mirror_sum = fields.mirror_sum;
     compact.base_depth = fields.base_depth;
     std::memcpy(compact.strengths, fields.strengths, sizeof compact.strengths);
+    for (uint8_t strength : compact.strengths) require(strength < STRENGTH_COUNT, "no such strength");
     compact.slices.copy(lent(fields.slices, fields.slice_count));
+    for (size_t i = 1; i < compact.slices.size(); i++)
+        require(compact.slices[i - 1] < compact.slices[i], "slices that do not ascend");
     ClassicOptions& classic = header.classic;
     require(fields.levels <= sizeof classic.shifts, "more levels than B allows");
     classic.levels = fields.levels;
@@ -159,29 +121,28 @@ void take_fields(const mt_header& fields, Header& header) {
     classic.taubin_mu = fields.taubin_mu;
 }
 
-uint64_t morton_code(Span<const int32_t> positions, size_t vertex, int bits) {
-    uint64_t code = 0;
-    for (int i = bits - 1; i >= 0; i--)
-        for (size_t k = 0; k < 3; k++) code = code << 1 | (static_cast<uint32_t>(positions[3 * vertex + k]) >> i & 1);
-    return code;
-}
-
-// What an octree takes for granted.
-void check_mesh(Span<const int32_t> positions, Span<const int32_t> faces, int bits) {
-    size_t vertices = positions.size() / 3;
-    require(vertices > 0 && vertices < 1u << 28 && faces.size() / 3 < 1u << 28, "no vertices, or too many");
-    for (int32_t coordinate : positions)
-        require(coordinate >= 0 && coordinate >> bits == 0, "a position outside of the grid");
-    for (size_t v = 1; v < vertices; v++)
-        require(morton_code(positions, v - 1, bits) < morton_code(positions, v, bits), "positions out of Morton order");
-    for (int32_t corner : faces)
-        require(corner >= 0 && static_cast<size_t>(corner) < vertices, "a corner that is no vertex");
-    for (size_t t = 0; t < faces.size(); t += 3)
-        require(faces[t] != faces[t + 1] && faces[t + 1] != faces[t + 2] && faces[t + 2] != faces[t],
-                "a face with two equal corners");
-}
-
 } // namespace
+
+namespace meshtide {
+
+void tell(mt_error* error, const Failure& failure, const PacketPlace* place) {
+    if (error == nullptr) return;
+    *error = {static_cast<int32_t>(failure.fault),
+              -1,
+              -1,
+              -1,
+              failure.offset,
+              failure.claimed,
+              failure.allowed,
+              failure.text};
+    if (place == nullptr) return;
+    error->kind = static_cast<int32_t>(place->kind);
+    error->level = static_cast<int32_t>(place->level);
+    error->slice = static_cast<int32_t>(place->slice);
+    if (error->offset < 0) error->offset = place->offset;
+}
+
+} // namespace meshtide
 
 const char* mt_kind(void) { return KIND; }
 
@@ -192,6 +153,12 @@ const char* mt_sources(void) { return MESHTIDE_SOURCES; }
 uint64_t mt_self_check(void) {
     uint64_t digest = 0;
     return guarded(nullptr, [&] { digest = self_check(); }) == MT_OK ? digest : 0;
+}
+
+void mt_stored_distances(double* rms, double* maximum) {
+    Distances stored = unpack_distances(pack_distances({*rms, *maximum}));
+    *rms = stored.rms;
+    *maximum = stored.maximum;
 }
 
 int32_t mt_stream_parse(const uint8_t* bytes, uint64_t size, const mt_limits* limits, mt_stream** stream,
@@ -223,11 +190,37 @@ int32_t mt_stream_write(const mt_header* header, mt_stream** stream, mt_bytes* b
     return fault;
 }
 
-int32_t mt_decoder_new(const mt_stream* stream, const mt_limits* limits, mt_decoder** decoder, mt_error* error) {
+mt_states* mt_states_new(void) { return new (std::nothrow) mt_states; }
+
+void mt_states_free(mt_states* states) { delete states; }
+
+int32_t mt_states_load(mt_states* states, int32_t effort, const uint8_t* bytes, uint64_t size, mt_error* error) {
+    return guarded(error, [&] {
+        require(effort >= 0 && effort <= 2, "there are no such states");
+        choose(effort == 1 ? Effort::high : Effort::standard);
+        RangeDecoder coder(lent(bytes, size));
+        auto load = [&](auto& loaded) {
+            auto made = std::make_unique<std::decay_t<decltype(*loaded)>>(states->budget);
+            made->code_states(coder, states->budget);
+            coder.finish();
+            loaded = std::move(made);
+        };
+        if (effort == 0)
+            load(states->trained.standard);
+        else if (effort == 1)
+            load(states->trained.high);
+        else
+            load(states->trained.classic);
+    });
+}
+
+int32_t mt_decoder_new(const mt_stream* stream, const mt_limits* limits, const mt_states* states, mt_decoder** decoder,
+                       mt_error* error) {
     *decoder = nullptr;
     return guarded(error, [&] {
-        require(stream->header.profile == Profile::compact, "a stream of another profile");
-        *decoder = std::make_unique<mt_decoder>(stream->header, *reinterpret_cast<const Limits*>(limits)).release();
+        *decoder =
+            std::make_unique<mt_decoder>(stream->header, *reinterpret_cast<const Limits*>(limits), states->trained)
+                .release();
     });
 }
 
@@ -240,42 +233,72 @@ int32_t mt_decoder_push(mt_decoder* decoder, int32_t kind, int32_t level, int32_
         [&] {
             require(kind >= 0 && kind < static_cast<int32_t>(PACKET_KINDS) && level >= 0 && slice >= 0,
                     "a packet of no kind, level or slice");
-            decoder->decoder.push(
+            decoder->decoder->push(
                 {static_cast<PacketKind>(kind), static_cast<uint32_t>(level), static_cast<uint32_t>(slice)},
                 lent(payload, size));
         },
-        &decoder->decoder.place());
+        &decoder->decoder->place());
 }
 
-uint64_t mt_decoder_available(const mt_decoder* decoder) { return decoder->decoder.available(); }
+uint64_t mt_decoder_available(const mt_decoder* decoder) { return decoder->decoder->available(); }
 
-uint64_t mt_decoder_exact(const mt_decoder* decoder) { return decoder->decoder.exact(); }
+uint64_t mt_decoder_exact(const mt_decoder* decoder) { return decoder->decoder->exact(); }
+
+uint64_t mt_decoder_changed(const mt_decoder* decoder) { return decoder->decoder->changed(); }
+
+uint64_t mt_decoder_map_bytes(const mt_decoder* decoder) { return decoder->decoder->map_bytes(); }
 
 int32_t mt_decoder_show(mt_decoder* decoder, int32_t level, mt_shown* shown, mt_error* error) {
+    PacketPlace place = decoder->decoder->faces_of(static_cast<uint32_t>(level));
+    return guarded(
+        error,
+        [&] {
+            require(level >= 0, "the level is not available yet");
+            decoder->decoder->show(static_cast<uint32_t>(level), decoder->shown);
+            const Shown& made = decoder->shown;
+            *shown = {made.positions.begin(), made.positions.size() / 3, made.faces.begin(), made.faces.size() / 3};
+        },
+        &place);
+}
+
+void mt_decoder_keep_finest_only(mt_decoder* decoder) { decoder->decoder->keep_finest_only(); }
+
+void mt_decoder_watch_diffs(mt_decoder* decoder) { decoder->decoder->watch_diffs(); }
+
+uint64_t mt_decoder_diff_count(const mt_decoder* decoder) { return decoder->decoder->decoded_diffs().size(); }
+
+int32_t mt_decoder_diffs(const mt_decoder* decoder, uint64_t number, mt_diffs* diffs, mt_error* error) {
     return guarded(error, [&] {
-        require(level >= 0, "the level is not available yet");
-        decoder->decoder.show(static_cast<uint32_t>(level), decoder->shown);
-        const Shown& made = decoder->shown;
-        *shown = {made.positions.begin(), made.positions.size() / 3, made.faces.begin(), made.faces.size() / 3};
+        const auto& decoded = decoder->decoder->decoded_diffs();
+        require(number < decoded.size(), "fewer Diffs were decoded");
+        const DecodedDiffs& each = decoded[static_cast<size_t>(number)];
+        *diffs = {each.values.begin(), each.values.size() / 3, static_cast<int32_t>(each.level),
+                  static_cast<int32_t>(each.slice)};
     });
 }
 
+int32_t mt_decoder_replace_diffs(mt_decoder* decoder, uint64_t number, const double* values, uint64_t count,
+                                 mt_error* error) {
+    return guarded(error, [&] { decoder->decoder->replace_diffs(checked_size(number), lent(values, 3 * count)); });
+}
+
 int32_t mt_encoder_new(const int32_t* positions, uint64_t vertex_count, const int32_t* faces, uint64_t face_count,
-                       const mt_encoder_options* options, mt_encoder** encoder, mt_error* error) {
+                       const mt_encoder_options* options, const mt_states* states, mt_encoder** encoder,
+                       mt_error* error) {
     std::unique_ptr<mt_encoder> made;
     int32_t fault = guarded(error, [&] {
         require(options->bits >= LEAST_BITS && options->bits <= MOST_BITS, "B is not 4..20");
-        check_mesh(lent(positions, 3 * vertex_count), lent(faces, 3 * face_count), options->bits);
+        if (vertex_count >= ROOMY) trim_heap(); // what the caller has given back
         made = std::make_unique<mt_encoder>();
         made->positions.copy(lent(positions, 3 * vertex_count));
-        made->faces.copy(lent(faces, 3 * face_count));
         made->octree =
-            std::make_unique<Octree>(made->positions.span(), made->faces.span(), options->bits, made->budget);
+            std::make_unique<Octree>(made->positions.span(), lent(faces, 3 * face_count), options->bits, made->budget);
         require(made->octree->depths.back().faces.size() == 3 * face_count, "a face that is there twice");
+        made->slice_count = checked_size(options->slice_count);
         Effort effort = options->effort == 0 ? Effort::standard : Effort::high;
         made->layers =
             make_encoder_layers(effort, made->budget, *made->octree, {options->mirror_axis, options->mirror_sum},
-                                lent(options->slices, options->slice_count));
+                                lent(options->slices, options->slice_count), states->trained);
     });
     *encoder = fault == MT_OK ? made.release() : nullptr;
     return fault;
@@ -284,10 +307,10 @@ int32_t mt_encoder_new(const int32_t* positions, uint64_t vertex_count, const in
 void mt_encoder_free(mt_encoder* encoder) { delete encoder; }
 
 int32_t mt_encoder_sizes(const mt_encoder* encoder, uint64_t* cells, uint64_t* faces) {
-    const auto& depths = encoder->octree->depths;
-    for (size_t b = 0; b < depths.size(); b++) {
-        cells[b] = depths[b].cell_count();
-        faces[b] = depths[b].faces.size() / 3;
+    for (int b = 0; b <= encoder->octree->bits; b++) {
+        const Octree::Depth& depth = encoder->octree->at(b);
+        cells[b] = depth.cell_count();
+        faces[b] = depth.faces.size() / 3;
     }
     return MT_OK;
 }
@@ -295,37 +318,58 @@ int32_t mt_encoder_sizes(const mt_encoder* encoder, uint64_t* cells, uint64_t* f
 int32_t mt_encoder_base(mt_encoder* encoder, int32_t depth, mt_bytes* payload, mt_error* error) {
     return guarded(error, [&] {
         require(depth >= 0 && depth <= encoder->octree->bits, "the base depth is not 0..B");
-        encoder->layers->encode_base(depth, encoder->payload);
+        encoder->coding().encode_base(depth, encoder->payload);
         *payload = {encoder->payload.begin(), encoder->payload.size()};
     });
 }
 
 int32_t mt_encoder_next_level(mt_encoder* encoder, mt_bytes* payload, mt_error* error) {
     return guarded(error, [&] {
-        require(!encoder->layers->chain().ends(), "all cells are leaves");
-        encoder->layers->encode_next_level(encoder->payload);
+        require(!encoder->coding().chain().ends(), "all cells are leaves");
+        encoder->coding().encode_next_level(encoder->payload);
         *payload = {encoder->payload.begin(), encoder->payload.size()};
     });
 }
 
-int32_t mt_encoder_planes(mt_encoder* encoder, int32_t slice, int32_t depth, mt_bytes* payload, mt_error* error) {
+int32_t mt_encoder_add_planes(mt_encoder* encoder, int32_t slice, int32_t depth, uint64_t* size, mt_error* error) {
     return guarded(error, [&] {
-        require(slice >= 0 && depth >= 0 && depth <= encoder->layers->chain().known_depth(),
-                "a level that is not coded");
-        encoder->layers->encode_planes(static_cast<size_t>(slice), depth, encoder->payload);
+        require(slice >= 0 && static_cast<size_t>(slice) < encoder->slice_count, "no such slice");
+        require(depth >= 0 && depth <= encoder->coding().chain().known_depth(), "a level that is not coded");
+        *size = encoder->coding().add_planes(static_cast<size_t>(slice), depth);
+    });
+}
+
+int32_t mt_encoder_take_planes(mt_encoder* encoder, int32_t slice, mt_bytes* payload, mt_error* error) {
+    return guarded(error, [&] {
+        require(slice >= 0 && static_cast<size_t>(slice) < encoder->slice_count, "no such slice");
+        encoder->coding().take_planes(static_cast<size_t>(slice), encoder->payload);
         *payload = {encoder->payload.begin(), encoder->payload.size()};
     });
 }
 
-int32_t mt_encoder_preview(mt_encoder* encoder, mt_bytes* payload, mt_error* error) {
+void mt_encoder_finish(mt_encoder* encoder) {
+    encoder->layers.reset();
+    if (encoder->positions.size() >= 3 * ROOMY) trim_heap();
+}
+
+int32_t mt_encoder_strengths(mt_encoder* encoder, int32_t first, uint8_t* strengths, mt_error* error) {
     return guarded(error, [&] {
-        encoder->layers->encode_preview(encoder->coded);
-        int bits = encoder->octree->bits, leaf_depth = 0;
-        while (encoder->octree->depths[static_cast<size_t>(leaf_depth)].cell_count() < encoder->positions.size() / 3)
-            leaf_depth++;
-        encoder->payload.clear();
-        write_number(encoder->payload, static_cast<uint64_t>(bits * (bits + 1) / 2 + leaf_depth));
-        for (uint8_t byte : encoder->coded) encoder->payload.push(byte);
-        *payload = {encoder->payload.begin(), encoder->payload.size()};
+        require(first >= 0 && first <= encoder->octree->bits, "the base depth is not 0..B");
+        Array<uint8_t> chosen(encoder->budget);
+        choose_strengths(*encoder->octree, first, chosen, encoder->budget);
+        std::memcpy(strengths, chosen.begin(), chosen.size());
+    });
+}
+
+int32_t mt_encoder_show(mt_encoder* encoder, int32_t depth, int32_t known_depth, int32_t strength, double* positions,
+                        int32_t* faces, mt_error* error) {
+    return guarded(error, [&] {
+        require(depth >= 0 && depth <= encoder->octree->bits, "a level of no depth");
+        require(known_depth >= 0 && known_depth <= encoder->octree->bits, "Diffs of no depth");
+        require(strength >= 0 && static_cast<size_t>(strength) < STRENGTH_COUNT, "no such strength");
+        const Octree::Depth& cells = encoder->octree->at(depth);
+        std::memcpy(faces, cells.faces.begin(), sizeof(int32_t) * cells.faces.size());
+        show_truth(*encoder->octree, depth, known_depth, STRENGTHS[static_cast<size_t>(strength)],
+                   {positions, 3 * cells.cell_count()}, encoder->budget);
     });
 }

@@ -25,7 +25,7 @@ struct Memory {
         final_weights.assign(CLASSES * 8, WEIGHT_ONE / Mixing::neuron_count);
         numbers.assign(SIGNED_CONTEXTS, Context{});
     }
-    using Mixing = Mixer<2, 5, 5>;
+    using Mixing = Mixer<2, 5, 5, 3>;
     static constexpr uint32_t CONTEXTS = 64, CLASSES = 7;
     Array<Context> contexts;
     Array<int16_t> weights, final_weights;
@@ -41,18 +41,20 @@ uint64_t walk(Coder& coder, Memory& memory, Array<int32_t>& told) {
     F32x4 place = {0.5f, -0.25f, 0.125f, 0};
     size_t next = 0;
     for (int round = 0; round < ROUNDS; round++) {
-        Memory::Mixing::Question question;
-        for (uint32_t& context : question.contexts) context = made.below(Memory::CONTEXTS);
-        for (I16x8& signs : question.opposed) {
-            uint32_t which = made.below(16);
-            signs = opposed((which & 1) != 0, (which & 2) != 0, (which & 4) != 0, (which & 8) != 0);
+        Memory::Mixing::Question questions[Memory::Mixing::questions];
+        for (auto& question : questions) {
+            for (int i = 0; i < Memory::Mixing::context_count; i++) question.contexts[i] = made.below(Memory::CONTEXTS);
+            for (int g = 0; g < Memory::Mixing::groups; g++) {
+                uint32_t which = made.below(16);
+                question.opposed[g] = opposed((which & 1) != 0, (which & 2) != 0, (which & 4) != 0, (which & 8) != 0);
+            }
+            int16_t numbers[8];
+            for (int16_t& number : numbers) number = static_cast<int16_t>(static_cast<int>(made.below(4095)) - 2047);
+            question.numbers = load<I16x8>(numbers);
+            for (int j = 0; j < Memory::Mixing::neuron_count; j++) question.neurons[j] = made.below(Memory::CLASSES);
+            question.final_neuron = made.below(Memory::CLASSES);
         }
-        int16_t numbers[8];
-        for (int16_t& number : numbers) number = static_cast<int16_t>(static_cast<int>(made.below(4095)) - 2047);
-        question.numbers = load<I16x8>(numbers);
-        for (uint32_t& neuron : question.neurons) neuron = made.below(Memory::CLASSES);
-        question.final_neuron = made.below(Memory::CLASSES);
-        told[next] = mixer.code(coder, question, told[next]);
+        told[next] = mixer.code(coder, questions, told[next]);
         next++;
 
         // A point that is thrown about: every step depends on the rounding of all steps before.
@@ -76,7 +78,9 @@ uint64_t self_check() {
     Array<uint8_t> bytes(budget);
     Numbers numbers;
     for (int i = 0; i < ROUNDS; i++) {
-        told.push(numbers.below(4) != 0);
+        int bits = 0;
+        for (int k = 0; k < Memory::Mixing::questions; k++) bits |= static_cast<int>(numbers.below(4) != 0) << k;
+        told.push(bits);
         told.push(static_cast<int32_t>(numbers.below(16384)) - 8192);
     }
     Memory writing(budget), reading(budget);

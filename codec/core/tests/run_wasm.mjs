@@ -1,50 +1,93 @@
 // Runs WebAssembly in Node.
 //
-//   node run_wasm.mjs tests core_tests.wasm      the tests, then each body that must fail in an instance of its own
-//   node run_wasm.mjs interface meshtide.wasm    the core itself: it imports nothing, and its self-check holds
+//   node run_wasm.mjs tests core_tests.wasm         the tests
+//   node run_wasm.mjs decoder meshtide.wasm         what the file is: small, without imports
+//   node run_wasm.mjs decode meshtide.wasm STATES   requests from the input, answers to the output, JSON in lines
+//
+// A request names a file, and may limit what its header claims: {"file": "a.tide", "limits": {"vertices": 9}}. The
+// answer lists each level as [level, vertices, faces, SHA-256 of positions and faces], or tells the error.
 import assert from "node:assert/strict";
-import { execFileSync } from "node:child_process";
-import { readFileSync } from "node:fs";
-import { WASI } from "node:wasi";
+import {createHash} from "node:crypto";
+import {readFileSync} from "node:fs";
+import {createInterface} from "node:readline";
+import {gzipSync} from "node:zlib";
 
-const [, program, what, path, body] = process.argv;
-const module = await WebAssembly.compile(readFileSync(path));
-const text = (memory, from) => {
-    const bytes = new Uint8Array(memory.buffer, from);
-    return new TextDecoder().decode(bytes.subarray(0, bytes.indexOf(0)));
-};
+import {Core, CoreError, Decoder, splitFile} from "./wasm_decoder.mjs";
 
-if (what === "interface") {
+const LARGEST_FILE = 53000; // bytes, compressed
+const NOT_SUPPORTED = 58;   // WASI's errno
+const [, , what, path, argument] = process.argv;
+const bytes = readFileSync(path), module = await WebAssembly.compile(bytes);
+
+if (what === "decoder") {
     assert.deepEqual(WebAssembly.Module.imports(module), []);
-    const { exports: core } = await WebAssembly.instantiate(module, {});
-    core._initialize();
-    const header = readFileSync(new URL("../include/meshtide.h", import.meta.url), "utf8");
-    const expected = BigInt(header.match(/MT_SELF_CHECK UINT64_C\((0x[0-9a-f]+)\)/)[1]);
-    assert.equal(BigInt.asUintN(64, core.mt_self_check()), expected);
-    assert.equal(text(core.memory, core.mt_kind()), "baseline");
-    console.log(`1 passed, 0 failed: ${Object.keys(core).join(" ")}`);
+    const size = gzipSync(bytes, {level : 9}).length;
+    assert.ok(size <= LARGEST_FILE, `${size} bytes compressed`);
+    const core = new Core(module);
+    core.exports.free(core.exports.malloc(1 << 20));
+    assert.notEqual(core.states, 0);
+    const names = WebAssembly.Module.exports(module).map(each => each.name);
+    console.log(`1 passed, 0 failed: ${bytes.length} bytes, ${size} compressed: ${names.join(" ")}`);
+} else if (what === "decode") {
+    const load = which => readFileSync(`${argument}/${["default", "high", "classic"][which]}.states`);
+    const digest = shown => createHash("sha256").update(shown.positions).update(shown.faces).digest("hex");
+    for await (const line of createInterface({input : process.stdin})) {
+        const {file, limits} = JSON.parse(line), answer = {levels : [], error : null};
+        try {
+            const {header, rest} = splitFile(readFileSync(file));
+            const decoder = new Decoder(new Core(module, limits), header, load);
+            decoder.pushAll(rest);
+            for (const level of decoder.available()) {
+                const shown = decoder.show(level);
+                answer.levels.push([ level, shown.positions.length / 3, shown.faces.length / 3, digest(shown) ]);
+            }
+            decoder.free();
+        } catch (error) {
+            if (!(error instanceof CoreError)) throw error;
+            const {fault, packet, offset} = error;
+            answer.error = {fault, text : error.message, offset, packet : packet && [ packet.kind, packet.level ]};
+        }
+        console.log(JSON.stringify(answer));
+    }
 } else if (what === "tests") {
-    const output = execFileSync(process.execPath, ["--no-warnings", program, "body", path, "-1"], { encoding: "utf8" });
-    process.stdout.write(output);
-    const bodies = Number(output.match(/(\d+) bodies must fail/)[1]);
-    assert.ok(bodies > 0);
-    for (let i = 0; i < bodies; i++) {
-        const told = execFileSync(process.execPath, ["--no-warnings", program, "body", path, String(i)], {
-            encoding: "utf8",
-        });
-        const [, expected] = told.match(/must fail with (\d+)/);
-        assert.match(told, new RegExp(`^trapped with ${expected}$`, "m"), told);
-    }
-    console.log(`${bodies} passed, 0 failed`);
-} else {
-    const list = body === "-1" ? [] : ["--fails", body];
-    const wasi = new WASI({ version: "preview1", args: ["core_tests", ...list], env: {}, returnOnExit: true });
-    const instance = await WebAssembly.instantiate(module, wasi.getImportObject());
-    try {
-        process.exitCode = wasi.start(instance);
-    } catch (error) {
-        if (!(error instanceof WebAssembly.RuntimeError)) throw error;
-        const { memory, mt_last_failure: failure } = instance.exports;
-        console.log(`trapped with ${new DataView(memory.buffer).getInt32(failure.value, true)}`);
-    }
+    let instance;
+    const view = () => new DataView(instance.exports.memory.buffer);
+    // How a body of check_fails (tests/check.hpp) ends: the fault, 0 where it does not fail.
+    const attempt = (call, body) => {
+        const {__stack_pointer : stack, __indirect_function_table : table, mt_last_failure : failure} = instance.exports;
+        const before = stack.value;
+        try {
+            table.get(call)(body);
+            return 0;
+        } catch (error) {
+            if (!(error instanceof WebAssembly.RuntimeError)) throw error;
+            stack.value = before;
+            return view().getInt32(failure.value, true);
+        }
+    };
+    const texts = new TextDecoder();
+    const system = {
+        args_sizes_get(count, size) {
+            view().setUint32(count, 0, true);
+            view().setUint32(size, 0, true);
+            return 0;
+        },
+        args_get : () => 0,
+        fd_write(_file, parts, count, written) {
+            let sum = 0;
+            for (let i = 0; i < count; i++) {
+                const at = view().getUint32(parts + 8 * i, true), size = view().getUint32(parts + 8 * i + 4, true);
+                process.stdout.write(texts.decode(new Uint8Array(view().buffer, at, size), {stream : true}));
+                sum += size;
+            }
+            view().setUint32(written, sum, true);
+            return 0;
+        },
+        fd_fdstat_get : () => NOT_SUPPORTED,
+        fd_seek : () => NOT_SUPPORTED,
+        fd_close : () => 0,
+        proc_exit(code) { process.exit(code); },
+    };
+    instance = new WebAssembly.Instance(module, {tests : {attempt}, wasi_snapshot_preview1 : system});
+    instance.exports._start();
 }

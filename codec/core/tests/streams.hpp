@@ -69,6 +69,21 @@ inline RandomMesh random_mesh(Numbers& numbers, uint32_t most) {
     return mesh;
 }
 
+// States as if there had been no training.
+inline const Trained& untrained() {
+    static Budget budget(UINT64_MAX);
+    static const Trained trained = [] {
+        Trained made;
+        choose(Effort::standard);
+        made.standard = std::make_unique<TrainedLayers<COMPILED<Effort::standard>>>(budget);
+        choose(Effort::high);
+        made.high = std::make_unique<TrainedLayers<COMPILED<Effort::high>>>(budget);
+        made.classic = std::make_unique<ClassicFacesModel>(budget);
+        return made;
+    }();
+    return trained;
+}
+
 // A compact stream: its header, and the payloads of its packets.
 struct RandomStream {
     explicit RandomStream(Budget& budget) : header(budget) {}
@@ -108,11 +123,10 @@ inline void encode_stream(const RandomMesh& mesh, Numbers& numbers, RandomStream
         if (code > options.slices.back()) options.slices.push(code);
     }
     Octree octree(mesh.position_span(), mesh.face_span(), mesh.bits, budget);
-    uint32_t leaf_depth = 0;
-    while (octree.depths[leaf_depth].cell_count() < mesh.vertex_count()) leaf_depth++;
+    auto leaf_depth = static_cast<uint32_t>(octree.depths.size() - 1);
     options.base_depth = static_cast<int32_t>(numbers.below(leaf_depth + 1));
     auto layers = make_encoder_layers(options.effort == 0 ? Effort::standard : Effort::high, budget, octree,
-                                      {options.mirror_axis, options.mirror_sum}, options.slices.span());
+                                      {options.mirror_axis, options.mirror_sum}, options.slices.span(), untrained());
     Array<uint8_t> payload(budget);
     for (int depth = options.base_depth; depth <= mesh.bits; depth++) {
         auto level = static_cast<uint32_t>(mesh.bits - depth);
@@ -126,15 +140,40 @@ inline void encode_stream(const RandomMesh& mesh, Numbers& numbers, RandomStream
         if (depth == mesh.bits || numbers.below(2) != 0) {
             options.diff_depths |= 1u << depth;
             for (size_t slice = 0; slice < options.slices.size(); slice++) {
-                layers->encode_planes(slice, depth, payload);
+                layers->add_planes(slice, depth);
+                layers->take_planes(slice, payload);
                 add_packet(stream, {PacketKind::diff, level, static_cast<uint32_t>(slice)}, payload);
             }
         }
         options.strengths[depth - options.base_depth] = static_cast<uint8_t>(numbers.below(STRENGTH_COUNT));
-        const Octree::Depth& cells = octree.depths[static_cast<size_t>(depth)];
+        const Octree::Depth& cells = octree.at(depth);
         header.states.push(
             {cells.cell_count(), cells.faces.size() / 3, {}, static_cast<uint32_t>(header.packets.size()), level});
     }
+}
+
+// 0, 1, ... in any order.
+inline std::vector<size_t> shuffled(size_t count, Numbers& numbers) {
+    std::vector<size_t> order(count);
+    for (size_t i = 0; i < count; i++) order[i] = i;
+    for (size_t i = count; i > 1; i--) std::swap(order[i - 1], order[numbers.below(static_cast<uint32_t>(i))]);
+    return order;
+}
+
+// Cuts a payload that is not empty, or turns a few of its bits.
+inline void damage(std::vector<uint8_t>& payload, Numbers& numbers) {
+    auto length = static_cast<uint32_t>(payload.size());
+    if (numbers.below(3) == 0)
+        payload.resize(numbers.below(length));
+    else
+        for (uint32_t i = 1 + numbers.below(4); i > 0; i--)
+            payload[numbers.below(length)] ^= static_cast<uint8_t>(1u << numbers.below(8));
+}
+
+// Every level that is there.
+inline void show_all(StreamDecoder& decoder, Shown& shown) {
+    for (uint32_t level = 0; level <= MOST_LEVEL; level++)
+        if ((decoder.available() >> level & 1) != 0) decoder.show(level, shown);
 }
 
 } // namespace meshtide::testing

@@ -7,25 +7,13 @@ namespace meshtide::testing {
 namespace {
 
 constexpr uint64_t MEMORY = 1u << 28;
-constexpr uint64_t STREAMS = 0x6ed92ca29a3c136e; // digest of all payloads and levels, the same on every machine
-
-std::vector<size_t> shuffled(size_t count, Numbers& numbers) {
-    std::vector<size_t> order(count);
-    for (size_t i = 0; i < count; i++) order[i] = i;
-    for (size_t i = count; i > 1; i--) std::swap(order[i - 1], order[numbers.below(static_cast<uint32_t>(i))]);
-    return order;
-}
-
-void show_all(const CompactDecoder& decoder, Shown& shown) {
-    for (uint32_t level = 0; level <= MOST_LEVEL; level++)
-        if ((decoder.available() >> level & 1) != 0) decoder.show(level, shown);
-}
+constexpr uint64_t STREAMS = 0x60b591b69d67f13f; // digest of all payloads and levels, the same on every machine
 
 // Every level that the order makes available can be shown on the way; at the end level 0 is the mesh.
 void check_round_trip(const RandomStream& stream, const std::vector<size_t>& order, const RandomMesh& mesh,
                       Digest& digest) {
     Budget budget(MEMORY);
-    CompactDecoder decoder(stream.header, Limits{}, budget);
+    CompactDecoder decoder(stream.header, untrained(), budget);
     Shown shown(budget);
     for (size_t i : order) {
         decoder.push(stream.place(i), stream.payload(i));
@@ -46,10 +34,34 @@ void check_round_trip(const RandomStream& stream, const std::vector<size_t>& ord
     for (size_t i = 0; i < mesh.faces.size(); i++) check_equal(shown.faces[i], mesh.faces[i]);
 }
 
+// A decoder that keeps only the finest level shows that one as the others do, and has less in memory.
+void check_finest_only(const RandomStream& stream, const std::vector<size_t>& order) {
+    Budget budget(MEMORY), other_budget(MEMORY);
+    CompactDecoder decoder(stream.header, untrained(), budget), other(stream.header, untrained(), other_budget);
+    decoder.keep_finest_only();
+    Shown shown(budget), expected(other_budget);
+    for (size_t i : order) {
+        decoder.push(stream.place(i), stream.payload(i));
+        other.push(stream.place(i), stream.payload(i));
+        check((decoder.available() & ~other.available()) == 0);
+        check_equal(decoder.exact(), decoder.available() & other.exact());
+        for (uint32_t level = 0; level <= MOST_LEVEL; level++) {
+            if ((decoder.available() >> level & 1) == 0) continue;
+            decoder.show(level, shown);
+            other.show(level, expected);
+            check_equal(shown.positions.size(), expected.positions.size());
+            check(std::equal(shown.positions.begin(), shown.positions.end(), expected.positions.begin()));
+            check(std::equal(shown.faces.begin(), shown.faces.end(), expected.faces.begin()));
+        }
+    }
+    check_equal(decoder.available() & 1, 1u);
+    check(budget.left() >= other_budget.left());
+}
+
 // Levels decode without Diffs; those of a slice after a missing one wait.
 void check_missing_diffs(const RandomStream& stream, Numbers& numbers) {
     Budget budget(MEMORY);
-    CompactDecoder decoder(stream.header, Limits{}, budget);
+    CompactDecoder decoder(stream.header, untrained(), budget);
     Shown shown(budget);
     size_t missing = 0;
     for (size_t i = 0; i < stream.payloads.size(); i++) {
@@ -65,34 +77,43 @@ void check_missing_diffs(const RandomStream& stream, Numbers& numbers) {
 #ifndef __wasm__ // where a failure ends the program
 // Never an access outside of an array, never more memory than is allowed.
 void check_damage(RandomStream& stream, const std::vector<size_t>& order, Numbers& numbers) {
-    size_t which = numbers.below(static_cast<uint32_t>(stream.payloads.size()));
-    std::vector<uint8_t> whole = stream.payloads[which];
-    if (whole.empty()) return;
-    std::vector<uint8_t>& payload = stream.payloads[which];
-    auto length = static_cast<uint32_t>(whole.size());
-    if (numbers.below(3) == 0)
-        payload.resize(numbers.below(length));
-    else
-        for (uint32_t i = 1 + numbers.below(4); i > 0; i--)
-            payload[numbers.below(length)] ^= static_cast<uint8_t>(1u << numbers.below(8));
+    std::vector<uint8_t>& payload = stream.payloads[numbers.below(static_cast<uint32_t>(stream.payloads.size()))];
+    if (payload.empty()) return;
+    std::vector<uint8_t> whole = payload;
+    damage(payload, numbers);
     Budget budget(MEMORY);
-    CompactDecoder decoder(stream.header, Limits{}, budget);
+    CompactDecoder decoder(stream.header, untrained(), budget);
     Shown shown(budget);
     for (size_t i : order) {
         try {
             decoder.push(stream.place(i), stream.payload(i));
+            show_all(decoder, shown);
         } catch (const Failure& failure) {
             check_equal(static_cast<int>(failure.fault), static_cast<int>(Fault::malformed));
         }
-        show_all(decoder, shown);
     }
     payload = whole;
 }
 #endif
 
+void test_repeated_faces() {
+    Budget budget(MEMORY);
+    Level level(budget);
+    Array<int32_t> faces(budget);
+    level.heads.assign(4, NONE);
+    for (int32_t corner : {0, 1, 2, 0, 3, 2, 1, 0, 2, 1, 0, 0}) level.corners.push(corner);
+    canonical_faces(level, faces, budget);
+    const int32_t expected[] = {0, 1, 2, 0, 2, 1, 1, 3, 2};
+    check_equal(faces.size(), 9u);
+    for (size_t i = 0; i < 9; i++) check_equal(faces[i], expected[i]);
+    for (int32_t corner : {1, 2, 0, 0}) level.corners.push(corner);
+    check_fails(Fault::malformed, [&] { canonical_faces(level, faces, budget); });
+}
+
 } // namespace
 
 void test_compact() {
+    test_repeated_faces();
     Numbers numbers, others{7};
     Digest digest;
     for (int round = 0; round < 25; round++) {
@@ -106,6 +127,7 @@ void test_compact() {
         check_round_trip(stream, order, mesh, digest);
         order = shuffled(order.size(), numbers);
         check_round_trip(stream, order, mesh, digest);
+        check_finest_only(stream, order);
         check_missing_diffs(stream, others);
 #ifndef __wasm__
         for (int i = 0; i < 10; i++) check_damage(stream, order, others);

@@ -42,17 +42,18 @@ void test_octree() {
     }
     Octree octree(static_cast<Span<const int32_t>>(positions.span()), static_cast<Span<const int32_t>>(faces.span()),
                   BITS, budget);
-    check_equal(octree.depths.size(), static_cast<size_t>(BITS) + 1);
     check_equal(octree.depths[0].cell_count(), 1u);
-    check_equal(octree.depths[BITS].cell_count(), n);
+    check_equal(octree.at(BITS).cell_count(), n);
+    int last = static_cast<int>(octree.depths.size()) - 1;
+    check(last <= BITS && (last == 0 || octree.at(last - 1).cell_count() < n));
 
     Digest digest;
     Level level(budget);
-    for (int b = 0; b <= BITS; b++) {
+    for (int b = 0; b <= last; b++) {
         octree.make_level(b, level, budget);
         size_t cells = octree.depths[static_cast<size_t>(b)].cell_count();
         check_equal(level.vertex_count(), cells);
-        if (b < BITS) {
+        if (b < last) {
             check_equal(level.first_children[0], 0u);
             check_equal(level.first_children[cells], octree.depths[static_cast<size_t>(b) + 1].cell_count());
         }
@@ -62,7 +63,7 @@ void test_octree() {
             const auto& point = points[octree.depths[static_cast<size_t>(b)].first[v]];
             for (size_t k = 0; k < 3; k++)
                 check_equal(static_cast<int>(level.centres[v][k]), ((2 * (point[k] >> shift)) + 1) << shift);
-            if (b < BITS) check(level.first_children[v + 1] > level.first_children[v]);
+            if (b < last) check(level.first_children[v + 1] > level.first_children[v]);
         }
         for (size_t t = 0; t < level.face_count(); t++) {
             const int32_t* c = level.corners.begin() + 4 * t;
@@ -80,11 +81,21 @@ void test_octree() {
         Octree(static_cast<Span<const int32_t>>(positions.span()), static_cast<Span<const int32_t>>(faces.span()), BITS,
                small);
     });
-    faces[0] = static_cast<int32_t>(n);
-    check_fails(Fault::internal, [&] {
-        Octree(static_cast<Span<const int32_t>>(positions.span()), static_cast<Span<const int32_t>>(faces.span()), BITS,
-               budget);
-    });
+    auto refused = [&](Array<int32_t>& array, size_t place, int32_t value) {
+        int32_t kept = array[place];
+        array[place] = value;
+        check_fails(Fault::argument, [&] {
+            Octree(static_cast<Span<const int32_t>>(positions.span()), static_cast<Span<const int32_t>>(faces.span()),
+                   BITS, budget);
+        });
+        array[place] = kept;
+    };
+    refused(faces, 0, static_cast<int32_t>(n));
+    refused(faces, 0, -1);
+    refused(faces, 0, faces[1]);
+    refused(positions, 0, 1 << BITS);
+    refused(positions, 0, -1);
+    refused(positions, 3 * n - 3, 0);
 }
 
 } // namespace meshtide::testing

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.classic.level_coding import decode_diff
 from meshtide_codec.classic.options import ClassicHeader
+from meshtide_codec.errors import OptionError
 from meshtide_codec.statistics import fit_power_law, l2_error_per_vertex, shannon_bound_bits
 from meshtide_codec.stream.packets import PacketKind
 
@@ -48,15 +49,18 @@ def difference_statistics(header: StreamHeader, packets: Iterable[Packet]) -> li
     """Statistics of each Diff packet in `packets`, in their order.
 
     Raises:
-        DiffError, ContainerError: the stream is damaged.
+        DiffError: the stream is damaged.
+        OptionError: it is of another profile.
     """
-    shifts = ClassicHeader.from_options(header.options, header.bits).shifts
+    if not isinstance(header.options, ClassicHeader):
+        raise OptionError("only Diffs of profile classic are numbers; those of other profiles are bit planes")
+    shifts = header.options.shifts
     rows = []
     for packet in packets:
         if packet.kind is not PacketKind.DIFF:
             continue
         vertices = header.entry(packet.level).vertices
-        differences = decode_diff(packet.payload, vertices)
+        differences = decode_diff(packet.payload, vertices, packet.level)
         law = fit_power_law(differences)
         step = (1 << shifts[packet.level]) / ((1 << header.bits) - 1)
         rows.append(

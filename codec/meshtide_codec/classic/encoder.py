@@ -13,13 +13,13 @@ import numpy as np
 
 from meshtide_codec.classic.hierarchy import (
     HierarchyLevel,
-    build_hierarchy,
     cell_centres,
     containing_cells,
+    hierarchy_of,
     within_cube,
 )
-from meshtide_codec.classic.level_coding import encode_base, encode_diff, encode_map_conn, encode_param
-from meshtide_codec.classic.options import PROFILE, ClassicHeader, ClassicOptions
+from meshtide_codec.classic.level_coding import LevelEncoder, encode_param
+from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
 from meshtide_codec.filters import coefficient_count, predict
 from meshtide_codec.fit import fit
 from meshtide_codec.graph import build_adjacency
@@ -52,8 +52,6 @@ class ClassicEncoding:
         states: what can be shown after how many packets, in transmission order.
     """
 
-    profile = PROFILE
-
     def __init__(
         self,
         quantized: QuantizedMesh,
@@ -63,19 +61,13 @@ class ClassicEncoding:
         self._report = progress or (lambda _stage, _fraction: None)
         self._report("hierarchy", 0.0)
         self._bits = quantized.bits
-        self.levels: list[HierarchyLevel] = build_hierarchy(
-            quantized.positions,
-            quantized.faces,
-            quantized.bits,
-            drop_bits=options.drop_bits,
-            minimum_ratio=options.minimum_ratio,
-            coarsest_vertices=options.coarsest_vertices,
-        )
+        self.levels: list[HierarchyLevel] = hierarchy_of(quantized, options)
         self.header = ClassicHeader(
             shifts=tuple(level.shift for level in self.levels),
             filter=options.filter,
             levels_with_diff=options.levels_with_diff(len(self.levels)),
         )
+        self._encoder = LevelEncoder()
         self.packets: list[Packet] = []
         self.geometry: dict[int, NDArray[np.float64]] = {}
         self.predictions: dict[int, NDArray[np.float64]] = {}
@@ -89,14 +81,15 @@ class ClassicEncoding:
     def _encode_coarsest(self) -> None:
         number = len(self.levels) - 1
         coarsest = self.levels[number]
-        self._send(PacketKind.BASE, number, encode_base(coarsest.cells, coarsest.faces, self._bits - coarsest.shift))
+        self._send(
+            PacketKind.BASE, number, self._encoder.base(coarsest.cells, coarsest.faces, self._bits - coarsest.shift)
+        )
         self._finish_level(number, cell_centres(coarsest.cells, coarsest.shift))
 
     def _encode_level(self, number: int) -> None:
-        level, coarser = self.levels[number], self.levels[number + 1]
+        level = self.levels[number]
         assert level.parents is not None  # noqa: S101 - only the coarsest level has no map
-        map_conn = encode_map_conn(level.parents, level.faces, coarser.faces, len(coarser.cells))
-        self._send(PacketKind.MAP_CONN, number, map_conn)
+        self._send(PacketKind.MAP_CONN, number, self._encoder.map_conn(level.parents, level.faces))
         true = cell_centres(level.cells, level.shift)
         adjacency = build_adjacency(level.faces, len(level.cells))
         extension = self.geometry[number + 1][level.parents]
@@ -109,7 +102,7 @@ class ClassicEncoding:
         if number in self.header.levels_with_diff:
             differences = level.cells.astype(np.int64) - containing_cells(prediction, level.shift, self._bits)
             self.differences[number] = differences
-            self._send(PacketKind.DIFF, number, encode_diff(differences))
+            self._send(PacketKind.DIFF, number, self._encoder.diff(differences))
             self._finish_level(number, true)
         else:
             self._finish_level(number, prediction)
@@ -121,4 +114,4 @@ class ClassicEncoding:
     def _finish_level(self, number: int, geometry: NDArray[np.float64]) -> None:
         self.geometry[number] = geometry
         faces = self.levels[number].faces
-        self.states.append(ShownState(number, len(self.packets), len(geometry), faces, lambda: geometry))
+        self.states.append(ShownState(number, len(self.packets), len(geometry), len(faces), lambda: (geometry, faces)))

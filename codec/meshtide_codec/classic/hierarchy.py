@@ -19,6 +19,9 @@ from meshtide_codec.mesh import canonical_faces
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from meshtide_codec.classic.options import ClassicOptions
+    from meshtide_codec.quantize import QuantizedMesh
+
 
 @dataclass(frozen=True, slots=True)
 class HierarchyLevel:
@@ -35,6 +38,18 @@ class HierarchyLevel:
     cells: NDArray[np.int32]
     faces: NDArray[np.int32]
     parents: NDArray[np.int32] | None
+
+
+def hierarchy_of(quantized: QuantizedMesh, options: ClassicOptions) -> list[HierarchyLevel]:
+    """The levels of a mesh as `options` want them, see `build_hierarchy`."""
+    return build_hierarchy(
+        quantized.positions,
+        quantized.faces,
+        quantized.bits,
+        drop_bits=options.drop_bits,
+        minimum_ratio=options.minimum_ratio,
+        coarsest_vertices=options.coarsest_vertices,
+    )
 
 
 def build_hierarchy(

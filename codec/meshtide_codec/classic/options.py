@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from meshtide_codec.errors import ContainerError, OptionError
-from meshtide_codec.filters import FilterSpec
+from meshtide_codec.filters import KINDS, USED_FIELDS, FilterSpec
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
-from meshtide_codec.stream import plain_values
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable
 
-PROFILE = "classic"
+    from meshtide_codec import core
+    from meshtide_codec.classic.encoder import ClassicEncoding
+    from meshtide_codec.quantize import QuantizedMesh
+
 DEFAULT_COARSEST_VERTICES = 300
 DEFAULT_MINIMUM_RATIO = 1.5
 
@@ -58,6 +61,15 @@ class ClassicOptions:
         if self.variable_from is not None and self.variable_from < 1:
             raise OptionError(f"S must be at least 1, not {self.variable_from}")
 
+    def encode(
+        self, quantized: QuantizedMesh, progress: Callable[[str, float], None] | None, threads: int
+    ) -> ClassicEncoding:
+        """The packets of a mesh, see `ClassicEncoding`; one thread makes them."""
+        from meshtide_codec.classic.encoder import ClassicEncoding
+
+        del threads
+        return ClassicEncoding(quantized, self, progress)
+
     def levels_with_diff(self, level_count: int) -> frozenset[int]:
         """Which of `level_count` levels send a Diff (the coarsest never does: it is sent whole).
 
@@ -94,34 +106,52 @@ class ClassicHeader:
     filter: FilterSpec
     levels_with_diff: frozenset[int]
 
-    def to_options(self) -> dict[str, Any]:
-        """The fields as plain msgpack values, for `StreamHeader.options`."""
-        return {
-            "shifts": list(self.shifts),
-            "filter": self.filter.to_header(),
-            "diffs": sorted(self.levels_with_diff),
-        }
+    profile: ClassVar[str] = "classic"
+    number: ClassVar[int] = 0
+    effort: ClassVar[None] = None
+    trained_states: ClassVar[tuple[int, ...]] = (2,)
+
+    def plain(self) -> dict[str, Any]:
+        """The fields as JSON can hold them, of the filter those that it uses; an infinite norm is "inf"."""
+        spec = {name: getattr(self.filter, name) for name in ("kind", *USED_FIELDS[self.filter.kind])}
+        if spec.get("norm") == math.inf:
+            spec["norm"] = "inf"
+        return {"shifts": list(self.shifts), "filter": spec, "diffs": sorted(self.levels_with_diff)}
+
+    def tell(self, header: core.Header) -> None:
+        """Fill in the fields of the core's header."""
+        header.profile = self.number
+        header.levels = len(self.shifts)
+        header.shifts[: len(self.shifts)] = self.shifts
+        header.diffs = sum(1 << level for level in self.levels_with_diff)
+        header.filter = KINDS.index(self.filter.kind)
+        header.degree = self.filter.degree
+        header.denominator_degree = self.filter.denominator_degree
+        header.chebyshev = int(self.filter.basis == "chebyshev")
+        header.norm = 0.0 if self.filter.norm == math.inf else self.filter.norm
+        header.taubin_lambda, header.taubin_mu = self.filter.taubin_lambda, self.filter.taubin_mu
 
     @classmethod
-    def from_options(cls, options: Mapping[str, Any], bits: int) -> ClassicHeader:
-        """The fields that `to_options` wrote.
+    def of(cls, header: core.Header) -> ClassicHeader:
+        """What a header of the core tells.
 
         Raises:
-            ContainerError: a field is missing, unknown or out of range.
+            ContainerError: a filter that cannot be.
         """
         try:
-            if set(options) != {"shifts", "filter", "diffs"}:
-                raise plain_values.BadValueError(f"options of a classic stream are not {plain_values.shown(options)}")
-            shifts: list[int] = []
-            for shift in plain_values.array(options["shifts"], "shifts"):
-                smallest = shifts[-1] + 1 if shifts else 0
-                shifts.append(plain_values.integer(shift, "shift", smallest, bits))
-            if not shifts or shifts[0] != 0:
-                raise plain_values.BadValueError("level 0 must drop no bits")
-            diffs = [
-                plain_values.integer(level, "level with Diff", 0, len(shifts) - 2)
-                for level in plain_values.array(options["diffs"], "levels with Diff")
-            ]
-        except plain_values.BadValueError as error:
+            spec = FilterSpec(
+                KINDS[header.filter],
+                degree=header.degree,
+                basis="chebyshev" if header.chebyshev else "power",
+                norm=header.norm or math.inf,
+                taubin_lambda=header.taubin_lambda,
+                taubin_mu=header.taubin_mu,
+                denominator_degree=header.denominator_degree,
+            )
+        except OptionError as error:
             raise ContainerError(f"damaged stream header: {error}") from error
-        return cls(tuple(shifts), FilterSpec.from_header(options["filter"]), frozenset(diffs))
+        return cls(
+            shifts=tuple(header.shifts[: header.levels]),
+            filter=spec,
+            levels_with_diff=frozenset(level for level in range(32) if header.diffs >> level & 1),
+        )

@@ -1,8 +1,4 @@
-"""How much time encoder and decoder spend on a stream: effort, and which layers are coded deeply for it.
-
-At effort high, the coders of some layers mix more, and more slowly (`entropy.deep_mixing_kernels`). The header tells
-for each layer whether it is coded deeply, so a later encoder may choose differently.
-"""
+"""How much time encoder and decoder spend on a stream: the coders of its layers mix more contexts at effort high."""
 
 from __future__ import annotations
 
@@ -14,18 +10,3 @@ class Effort(enum.StrEnum):
 
     DEFAULT = "default"
     HIGH = "high"
-
-    @property
-    def deep_layers(self) -> DeepLayers:
-        """The layers that are coded deeply at this effort."""
-        return DeepLayers.ALL if self is Effort.HIGH else DeepLayers.NONE
-
-
-class DeepLayers(enum.IntFlag, boundary=enum.STRICT):
-    """Layers that are coded deeply; the bits that the stream header's option `e` is made of."""
-
-    NONE = 0
-    DIFFS = 1
-    MAPS = 2
-    FACES = 4
-    ALL = DIFFS | MAPS | FACES

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from meshtide_codec.compact.display_filter import STRENGTHS, UNFILTERED, Strength
-from meshtide_codec.compact.effort import DeepLayers, Effort
+import numpy as np
+
+from meshtide_codec import core
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.mirror import Mirror
-from meshtide_codec.compact.slices import Slices
-from meshtide_codec.errors import ContainerError, OptionError
+from meshtide_codec.errors import OptionError
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
-from meshtide_codec.stream import plain_values
-from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable
 
-    from meshtide_codec.stream.header import StreamHeader
+    from meshtide_codec.compact.encoder import CompactEncoding
+    from meshtide_codec.quantize import QuantizedMesh
 
-PROFILE = "compact"
 MAXIMUM_SLICES = 4096
 MAXIMUM_PREVIEWS = 8
-MAXIMUM_DEEP_SLICES = 512
-"""Slices at effort high: each has models of its own, six times as large as at effort default."""
+MAXIMUM_SLICES_AT_HIGH = 512
+"""Each slice has models of its own, several times as large as at effort default."""
+VERTICES_OF_A_SLICE = 100_000
+"""A mesh of k^2 times as many has k slices: each costs about 3 bytes times the root of the mesh's vertices, as it
+learns anew and does not see its neighbours' Diffs."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,8 @@ class CompactOptions:
         previews: simplified meshes that open the stream, as ratios of the mesh's vertices to theirs, coarsest first;
             meshes too small for one go without it. None: those that show the mesh at 1e-2, 3e-3 and 1e-3 of its
             diagonal, by measured distance.
-        slices: into how many Morton ranges the Diffs are cut, each decodable without the others.
+        slices: into how many Morton ranges the Diffs are cut, each decodable without the others. None: as many
+            as cost at most 0.3 % of the bytes, see `slice_count`.
         mirror: whether to look for a plane of symmetry.
         effort: whether time counts (default) or size (high); "default" and "high" are understood too.
 
@@ -46,7 +50,7 @@ class CompactOptions:
 
     bits: int = DEFAULT_B
     previews: tuple[int, ...] | None = None
-    slices: int = 1
+    slices: int | None = None
     mirror: bool = True
     effort: Effort = Effort.DEFAULT
 
@@ -56,16 +60,34 @@ class CompactOptions:
         object.__setattr__(self, "effort", Effort(self.effort))
         if not SMALLEST_B <= self.bits <= LARGEST_B:
             raise OptionError(f"B must be {SMALLEST_B}..{LARGEST_B} bits per coordinate, not {self.bits}")
-        if not 1 <= self.slices <= MAXIMUM_SLICES:
+        if self.slices is not None and not 1 <= self.slices <= MAXIMUM_SLICES:
             raise OptionError(f"the Diffs can be cut into 1..{MAXIMUM_SLICES} slices, not {self.slices}")
-        if DeepLayers.DIFFS in self.effort.deep_layers and self.slices > MAXIMUM_DEEP_SLICES:
-            raise OptionError(f"effort {self.effort} takes at most {MAXIMUM_DEEP_SLICES} slices, not {self.slices}")
+        if self.effort is Effort.HIGH and self.slices is not None and self.slices > MAXIMUM_SLICES_AT_HIGH:
+            raise OptionError(f"effort {self.effort} takes at most {MAXIMUM_SLICES_AT_HIGH} slices, not {self.slices}")
         if self.previews is None:
             return
         if len(self.previews) > MAXIMUM_PREVIEWS or any(ratio < 2 for ratio in self.previews):
             raise OptionError(f"at most {MAXIMUM_PREVIEWS} previews, of ratios from 2 on, not {self.previews}")
         if any(coarse <= fine for coarse, fine in itertools.pairwise(self.previews)):
             raise OptionError(f"the coarsest preview comes first, so ratios fall; not {self.previews}")
+
+    def encode(
+        self, quantized: QuantizedMesh, progress: Callable[[str, float], None] | None, threads: int
+    ) -> CompactEncoding:
+        """The packets of a mesh, see `CompactEncoding`."""
+        from meshtide_codec.compact.encoder import CompactEncoding
+
+        return CompactEncoding(quantized, self, progress, threads)
+
+    def slice_count(self, vertices: int) -> int:
+        """How many slices a mesh of so many vertices gets.
+
+        >>> CompactOptions().slice_count(1_000_000), CompactOptions(slices=7).slice_count(1_000_000)
+        (3, 7)
+        """
+        if self.slices is not None:
+            return self.slices
+        return max(1, math.isqrt(vertices // VERTICES_OF_A_SLICE))
 
 
 @dataclass(frozen=True)
@@ -74,111 +96,64 @@ class CompactHeader:
 
     Args:
         base_depth: octree depth of the coarsest level, which comes whole in the Base packet.
-        strengths: the display filter's strength for each depth from `base_depth` to B.
+        strengths: of the display filter for each depth from `base_depth` to B, by their place in the format's table.
         diff_depths: the depths at which Diff packets end, ascending; each holds the bit planes since the one before.
         mirror: the plane of symmetry, if one is used.
-        slices: where the slices begin.
+        slices: the first Morton code of each slice of the Diffs, ascending from 0.
         previews: how many previews there are.
-        deep: the layers that are coded deeply.
+        effort: at which the layers are coded.
     """
 
     base_depth: int
-    strengths: tuple[Strength, ...]
+    strengths: tuple[int, ...]
     diff_depths: tuple[int, ...]
     mirror: Mirror | None
-    slices: Slices
+    slices: tuple[int, ...]
     previews: int
-    deep: DeepLayers = DeepLayers.NONE
+    effort: Effort
 
-    def to_options(self) -> dict[str, Any]:
-        """The fields as plain msgpack values, for `StreamHeader.options`; not those that the packet table tells."""
-        options: dict[str, Any] = {}
-        if any(strength != UNFILTERED for strength in self.strengths):
-            options["f"] = _pack_strengths(self.strengths)
-        if self.mirror is not None:
-            options["m"] = [self.mirror.axis, self.mirror.coordinate_sum]
-        if len(self.slices) > 1:
-            options["s"] = list(self.slices.starts)
-        if self.deep:
-            options["e"] = int(self.deep)
-        return options
+    profile: ClassVar[str] = "compact"
+    number: ClassVar[int] = 1
 
-    @classmethod
-    def from_header(cls, header: StreamHeader) -> CompactHeader:
-        """The fields that a stream's header tells: by the options that `to_options` wrote, and by its packets.
+    @property
+    def trained_states(self) -> tuple[int, ...]:
+        """Of its effort, and of effort default, which codes previews."""
+        return (0, 1) if self.effort is Effort.HIGH else (0,)
 
-        Raises:
-            ContainerError: a field is missing, unknown or out of range.
-        """
-        try:
-            return cls._checked(header)
-        except (plain_values.BadValueError, OptionError) as error:
-            raise ContainerError(f"damaged stream header: {error}") from error
+    def plain(self) -> dict[str, Any]:
+        """The fields as JSON can hold them; what of them the packet table tells is left out."""
+        return {
+            "effort": self.effort.value,
+            "strengths": list(self.strengths),
+            "mirror": None if self.mirror is None else [self.mirror.axis, self.mirror.coordinate_sum],
+            "slices": list(self.slices),
+        }
 
-    @classmethod
-    def _checked(cls, header: StreamHeader) -> CompactHeader:
-        options, bits = header.options, header.bits
-        if not set(options) <= {"f", "m", "s", "e"}:
-            raise plain_values.BadValueError(f"options of a compact stream are not {plain_values.shown(options)}")
-        levels: dict[PacketKind, list[int]] = {kind: [] for kind in PacketKind}
-        for entry in header.packets:
-            levels[entry.kind].append(entry.level)
-        if len(levels[PacketKind.BASE]) != 1:
-            raise plain_values.BadValueError(f"{len(levels[PacketKind.BASE])} Base packets instead of one")
-        base_depth = plain_values.integer(bits - levels[PacketKind.BASE][0], "base depth", 0, bits)
-        depths = sorted({bits - level for level in levels[PacketKind.DIFF]})
-        if depths and not base_depth <= depths[0]:
-            raise plain_values.BadValueError(f"a Diff of depth {depths[0]} before the base depth {base_depth}")
-        previews = len(levels[PacketKind.PREVIEW])
-        if previews > MAXIMUM_PREVIEWS:
-            raise plain_values.BadValueError(f"{previews} previews, more than {MAXIMUM_PREVIEWS}")
-        count = bits - base_depth + 1
-        slices = _slices(options, bits, header.vertices)
-        deep = DeepLayers(plain_values.integer(options.get("e", 0), "deep layers", 0, DeepLayers.ALL))
-        if DeepLayers.DIFFS in deep and len(slices) > MAXIMUM_DEEP_SLICES:
-            raise plain_values.BadValueError(f"{len(slices)} slices, more than {MAXIMUM_DEEP_SLICES}")
-        packed = plain_values.binary(options.get("f", b""), "strengths", (count + 1) // 2)
-        return cls(
-            base_depth=base_depth,
-            strengths=_unpack_strengths(packed, count),
-            diff_depths=tuple(depths),
-            mirror=_mirror(options, bits),
-            slices=slices,
-            previews=previews,
-            deep=deep,
+    def tell(self, header: core.Header) -> object:
+        """Fill in the fields of the core's header; returns what must live until it is written."""
+        header.profile = self.number
+        header.effort = int(self.effort is Effort.HIGH)
+        header.base_depth = self.base_depth
+        header.strengths[: len(self.strengths)] = self.strengths
+        header.mirror_axis, header.mirror_sum = (
+            (-1, 0) if self.mirror is None else (self.mirror.axis, self.mirror.coordinate_sum)
         )
+        slices = np.array(self.slices, np.uint64)
+        header.slices, header.slice_count = slices.ctypes.data, len(slices)
+        return slices
 
-
-def _mirror(options: Mapping[str, Any], bits: int) -> Mirror | None:
-    if "m" not in options:
-        return None
-    axis, coordinate_sum = plain_values.array(options["m"], "mirror", 2)
-    return Mirror(
-        plain_values.integer(axis, "mirror axis", 0, 2),
-        plain_values.integer(coordinate_sum, "mirror sum", 0, (2 << bits) - 1),
-        bits,
-    )
-
-
-def _slices(options: Mapping[str, Any], bits: int, vertices: int) -> Slices:
-    starts = plain_values.array(options.get("s", [0]), "slices")
-    most = min(MAXIMUM_SLICES, vertices + 1)  # besides the first one, each begins at a vertex
-    if len(starts) > most:
-        raise plain_values.BadValueError(f"{len(starts)} slices, more than {most}")
-    return Slices(bits, tuple(plain_values.integer(start, "start of a slice") for start in starts))
-
-
-def _pack_strengths(strengths: Sequence[Strength]) -> bytes:
-    """Two in a byte, each by its place in `STRENGTHS`, the first one in the upper half; zeros at the end left out.
-
-    >>> _pack_strengths([STRENGTHS[8], STRENGTHS[4], STRENGTHS[1], STRENGTHS[0], STRENGTHS[0]]).hex()
-    '8410'
-    """
-    places = [STRENGTHS.index(strength) for strength in strengths] + [0]
-    packed = bytes(upper << 4 | lower for upper, lower in zip(places[0::2], places[1::2], strict=False))
-    return packed.rstrip(b"\0")
-
-
-def _unpack_strengths(packed: bytes, count: int) -> tuple[Strength, ...]:
-    places = [place for byte in packed for place in (byte >> 4, byte & 15)] + [0] * count
-    return tuple(STRENGTHS[place] for place in places[:count])
+    @classmethod
+    def of(cls, header: core.Header) -> CompactHeader:
+        """What a header of the core tells."""
+        mirror = None
+        if header.mirror_axis >= 0:
+            mirror = Mirror(header.mirror_axis, header.mirror_sum, header.bits)
+        return cls(
+            base_depth=header.base_depth,
+            strengths=tuple(header.strengths[: header.bits - header.base_depth + 1]),
+            diff_depths=tuple(depth for depth in range(header.bits + 1) if header.diff_depths >> depth & 1),
+            mirror=mirror,
+            slices=tuple(core.copied(header.slices, (header.slice_count,), np.uint64).tolist()),
+            previews=header.previews,
+            effort=Effort.HIGH if header.effort else Effort.DEFAULT,
+        )

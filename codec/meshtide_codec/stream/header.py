@@ -2,38 +2,39 @@
 
 It holds the quantization, the profile and its options, a table of all packets (kind, level, slice, length, CRC-32) and
 a table of the states that a client can show: after how many packets, how many vertices and faces, and how far that
-mesh is from the finest one. `packed_header` tells how its bytes are laid out.
+mesh is from the finest one. The core writes and reads its bytes (docs/format.md, Header).
 """
 
 from __future__ import annotations
 
 import math
 import zlib
+from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.errors import ContainerError, LimitError, VersionError
+from meshtide_codec import core
+from meshtide_codec.classic.options import ClassicHeader
+from meshtide_codec.compact.options import CompactHeader
+from meshtide_codec.errors import OptionError
 from meshtide_codec.limits import Limits
-from meshtide_codec.quantize import LARGEST_B, SMALLEST_B, has_distinct_points, has_finite_points
-from meshtide_codec.stream import packed_header, plain_values
-from meshtide_codec.stream.packed_header import PlainHeader
-from meshtide_codec.stream.packets import LARGEST_LEVEL, LARGEST_SLICE, Packet, PacketKind
+from meshtide_codec.stream.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-FORMAT_VERSION = packed_header.VERSION
-"""The one that this program writes and reads."""
-LARGEST_VERSION = 0x7F
-"""A header that begins with a greater byte is none, of whatever version."""
-LONGEST_NAME = 32
+    from meshtide_codec.profile import ProfileHeader
 
+FORMAT_VERSION = 4
+"""The one that this program writes and reads."""
+
+HEADERS = {kind.number: kind for kind in (ClassicHeader, CompactHeader)}
+"""What each profile tells its decoder, by its number."""
 
 TELLS_SIZES = frozenset({PacketKind.BASE, PacketKind.MAP_CONN, PacketKind.PREVIEW})
 """The packets that say what vertices and faces there are."""
@@ -99,8 +100,7 @@ class StreamHeader:
     """What a stream says of itself.
 
     Args:
-        profile: the coding profile, such as "classic".
-        options: what the profile's decoder needs to know; plain msgpack values under string keys.
+        options: what the decoder of its profile needs to know.
         bits: B, quantization bits per coordinate.
         origin: (3,) position of grid point (0, 0, 0).
         extent: length of the grid's side.
@@ -108,13 +108,17 @@ class StreamHeader:
         packets: the packets, in transmission order.
     """
 
-    profile: str
-    options: Mapping[str, Any]
+    options: ProfileHeader
     bits: int
     origin: tuple[float, float, float]
     extent: float
     levels: tuple[LevelEntry, ...]
     packets: tuple[PacketEntry, ...]
+
+    @property
+    def profile(self) -> str:
+        """The coding profile: "compact" or "classic"."""
+        return self.options.profile
 
     @property
     def vertices(self) -> int:
@@ -166,19 +170,31 @@ class StreamHeader:
         raise KeyError(level)
 
     def to_bytes(self) -> bytes:
-        """The header as it is sent and stored."""
-        plain = PlainHeader(
-            profile=self.profile,
-            options=self.options,
+        """The header as it is sent and stored.
+
+        Raises:
+            OptionError: it says something that no header can say.
+        """
+        rows = [(row.length, row.checksum, row.slice, row.level, row.kind) for row in self.packets]
+        sizes = [(row.vertices, row.faces, row.rms, row.maximum, row.packet_count, row.level) for row in self.levels]
+        try:
+            packets, states = np.array(rows, core.PACKET), np.array(sizes, core.STATE)
+        except OverflowError as error:
+            raise OptionError(f"a packet or a level that no header can tell: {error}") from error
+        told = core.Header(
             bits=self.bits,
             origin=self.origin,
             extent=self.extent,
-            packets=[(int(row.kind), row.level, row.slice, row.length) for row in self.packets],
-            checksums=[row.checksum for row in self.packets],
-            states=[(row.level, row.packet_count, row.vertices, row.faces) for row in self.levels],
-            distances=[(row.rms, row.maximum) for row in self.levels],
+            packets=packets.ctypes.data,
+            packet_count=len(packets),
+            states=states.ctypes.data,
+            state_count=len(states),
         )
-        return packed_header.pack_header(plain)
+        kept = self.options.tell(told)
+        handle, data = core.Handle("mt_stream_free"), core.Bytes()
+        core.call("mt_stream_write", byref(told), byref(handle.pointer), byref(data))
+        del kept
+        return data.copied()
 
     @classmethod
     def from_bytes(cls, data: bytes | memoryview, limits: Limits | None = None) -> StreamHeader:
@@ -190,108 +206,44 @@ class StreamHeader:
             ContainerError: anything else that is wrong.
         """
         limits = limits or Limits()
-        if len(data) > limits.header_bytes:
-            raise LimitError(f"header of {len(data)} bytes; this decoder accepts {limits.header_bytes}")
-        if len(data) and data[0] <= LARGEST_VERSION:
-            check_version(data[0])
-        try:
-            return cls._checked(packed_header.unpack_header(bytes(data), limits.packets), limits, len(data))
-        except plain_values.BadValueError as error:
-            raise ContainerError(f"damaged stream header: {error}") from error
-
-    @classmethod
-    def _checked(cls, plain: PlainHeader, limits: Limits, length: int) -> StreamHeader:
-        if not isinstance(plain.options, dict) or not all(isinstance(key, str) for key in plain.options):
-            raise plain_values.BadValueError("options must be a map with string keys")
-        x, y, z = (plain_values.number(value, "origin") for value in plain.origin)
-        extent = plain_values.number(plain.extent, "extent", 0.0)
-        if not has_finite_points((x, y, z), extent):
-            raise plain_values.BadValueError("the grid reaches beyond the largest number")
-        packets = _checked_packets(plain, limits)
-        levels = _checked_levels(plain, limits)
-        _check_shares(levels, packets, length, limits)
-        if levels[-1].vertices > 1 and not has_distinct_points((x, y, z), extent):
-            raise plain_values.BadValueError(f"a grid of one point for {levels[-1].vertices} vertices")
+        handle = parsed(data, limits)
+        told = core.library().mt_stream_header(handle).contents
+        packets = core.copied(told.packets, (told.packet_count,), core.PACKET)
+        states = core.copied(told.states, (told.state_count,), core.STATE)
+        for vertices, faces, *_, level in states.tolist():
+            limits.check_mesh(vertices, faces, level=level)
+        options = HEADERS[told.profile].of(told)
         return cls(
-            profile=plain_values.text(plain.profile, "profile", LONGEST_NAME),
-            options=plain.options,
-            bits=plain_values.integer(plain.bits, "bits per coordinate", SMALLEST_B, LARGEST_B),
-            origin=(x, y, z),
-            extent=extent,
-            levels=levels,
-            packets=packets,
+            options=options,
+            bits=told.bits,
+            origin=tuple(told.origin),
+            extent=told.extent,
+            levels=tuple(
+                LevelEntry(level, needed, vertices, faces, rms, maximum)
+                for vertices, faces, rms, maximum, needed, level in states.tolist()
+            ),
+            packets=tuple(
+                PacketEntry(PacketKind(kind), level, part, length, checksum)
+                for length, checksum, part, level, kind in packets.tolist()
+            ),
         )
+
+
+def parsed(data: bytes | memoryview, limits: Limits) -> core.Handle:
+    """A header as the core reads it, for a decoder.
+
+    Raises:
+        LimitError, VersionError, ContainerError: as for `StreamHeader.from_bytes`.
+    """
+    handle = core.Handle("mt_stream_free")
+    core.call("mt_stream_parse", bytes(data), len(data), byref(core.Limited.of(limits)), byref(handle.pointer))
+    return handle
 
 
 def check_version(version: int) -> None:
     """Raise VersionError unless this program reads streams of `version`."""
-    if version < FORMAT_VERSION:
-        raise VersionError(f"the stream was written by an older meshtide (format {version}): encode it again")
-    if version > FORMAT_VERSION:
-        raise VersionError(
-            f"the stream was written by a newer meshtide (format {version}; this one reads format {FORMAT_VERSION}): "
-            "update meshtide"
-        )
-
-
-def _checked_levels(plain: PlainHeader, limits: Limits) -> tuple[LevelEntry, ...]:
-    if len(plain.states) > limits.levels:
-        raise LimitError(
-            f"the stream claims {len(plain.states)} levels; this decoder accepts {limits.levels} (Limits.levels)"
-        )
-    levels: list[LevelEntry] = []
-    for (level, needed, vertices, faces), (rms, maximum) in zip(plain.states, plain.distances, strict=True):
-        entry = LevelEntry(
-            level=plain_values.integer(level, "level", 0, LARGEST_LEVEL),
-            packet_count=needed,
-            vertices=plain_values.integer(vertices, "vertex count", 1),
-            faces=plain_values.integer(faces, "face count"),
-            rms=rms,
-            maximum=maximum,
-        )
-        limits.check_mesh(entry.vertices, entry.faces, level=entry.level)
-        levels.append(entry)
-    if not levels or levels[-1].level != 0:
-        raise plain_values.BadValueError("the level table does not end with level 0")
-    return tuple(levels)
-
-
-def _check_shares(
-    levels: Sequence[LevelEntry], packets: Sequence[PacketEntry], header_bytes: int, limits: Limits
-) -> None:
-    """Hold the sizes of levels against the bytes that tell of them: Diffs may be missing, so they do not count."""
-    by_level = [header_bytes] + [0] * (LARGEST_LEVEL + 1)
-    for packet in packets:
-        if packet.kind in TELLS_SIZES:
-            by_level[LARGEST_LEVEL - packet.level + 1] += packet.length
-    known = list(accumulate(by_level))
-    for row in levels:
-        limits.check_share(row.vertices, row.faces, known[LARGEST_LEVEL - row.level + 1], level=row.level)
-
-
-def _checked_packets(plain: PlainHeader, limits: Limits) -> tuple[PacketEntry, ...]:
-    count = len(plain.packets)
-    if count == 0:
-        raise plain_values.BadValueError("the packet table is empty")
-    if count > limits.packets:
-        raise LimitError(f"the stream claims {count} packets; this decoder accepts {limits.packets} (Limits.packets)")
-    entries = []
-    for i, ((kind, level, part, size), checksum) in enumerate(zip(plain.packets, plain.checksums, strict=True)):
-        entry = PacketEntry(
-            kind=PacketKind(plain_values.integer(kind, "packet kind", 0, max(PacketKind))),
-            level=plain_values.integer(level, "packet level", 0, LARGEST_LEVEL),
-            slice=plain_values.integer(part, "packet slice", 0, LARGEST_SLICE),
-            length=plain_values.integer(size, "packet length"),
-            checksum=checksum,
-        )
-        if entry.length > limits.packet_bytes:
-            raise LimitError(
-                f"packet {i} claims {entry.length} bytes; this decoder accepts {limits.packet_bytes}",
-                level=entry.level,
-                packet=entry.kind.label,
-            )
-        entries.append(entry)
-    return tuple(entries)
+    if version != FORMAT_VERSION:
+        raise core.version_error(version, FORMAT_VERSION)
 
 
 def packet_table(packets: Sequence[Packet]) -> tuple[tuple[PacketEntry, ...], list[bytes]]:

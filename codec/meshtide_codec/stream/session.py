@@ -1,17 +1,17 @@
 """The streaming session, both ends of it, without sockets or clocks (Sans-I/O).
 
-`ServerSession` is fed the client's frames and yields the server's, one at a time, never more bytes than the client
-has granted. `ClientSession` is fed the server's frames, checks and joins them, and yields packets and the frames
-that grant more credit. A client that reconnects says what it holds; no packet that it holds is sent again. What a
-server claims of the stream's end is not believed: the client works out which packets are due, and is finished only
-when it holds them.
+`ServerSession` is fed the client's frames and says what to send, one frame or one part of a packet at a time, never
+more bytes than the client has granted; where the packets lie, and how they are read, is not its business.
+`ClientSession` is fed the server's frames, checks and joins them, and yields packets and the frames that grant more
+credit. A client that reconnects says what it holds; no packet that it holds is sent again. What a server claims of the
+stream's end is not believed: the client works out which packets are due, and is finished only when it holds them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError
 from meshtide_codec.limits import Limits
@@ -26,7 +26,6 @@ from meshtide_codec.stream.messages import (
     Error,
     HeaderPart,
     Hello,
-    Message,
     PacketPart,
     decode_message,
     encode_message,
@@ -42,19 +41,17 @@ DEFAULT_WINDOW = 1 << 20
 """Bytes in flight that a client allows: at 50 ms round trip that is up to 20 MB/s."""
 
 
-class StreamSource(Protocol):
-    """A stream that a server session can send from."""
+@dataclass(frozen=True, slots=True)
+class PacketRange:
+    """Bytes `start` to `end` of packet `index`, which are to be read and sent next."""
 
-    @property
-    def header(self) -> StreamHeader:
-        """The stream's header."""
+    index: int
+    start: int
+    end: int
 
-    @property
-    def header_bytes(self) -> bytes:
-        """The header as it is sent."""
-
-    def packet_part(self, index: int, start: int, end: int) -> bytes | memoryview:
-        """Bytes `start` to `end` of packet `index`."""
+    def frame(self, data: bytes) -> bytes:
+        """The frame that carries them, once they are read."""
+        return encode_message(PacketPart(self.index, self.start, data))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,29 +94,31 @@ class ServerSession:
 
     Args:
         mesh: id of the mesh that the connection is for.
-        source: its stream.
+        header: of its stream.
+        header_bytes: the same as it is sent.
 
-    Feed each frame of the client to `receive`; send what `next_frame` returns until it returns None, which means
-    that nothing may be sent before the client grants more credit, or that all is sent (`finished`).
+    Feed each frame of the client to `receive`; send what `next` names until it returns None, which means that nothing
+    may be sent before the client grants more credit, or that all is sent (`finished`).
     """
 
-    def __init__(self, mesh: str, source: StreamSource) -> None:
+    def __init__(self, mesh: str, header: StreamHeader, header_bytes: bytes) -> None:
         self._mesh = mesh
-        self._source = source
+        self._header = header
+        self._header_bytes = header_bytes
         self._credit = 0
-        self._jobs: Iterator[_Job] | None = None
-        self._job: _Job | None = None
+        self._runs: Iterator[_Run] | None = None
+        self._run: _Run | None = None
         self._offset = 0
         self.finished = False
         self.sent_bytes = 0
-        """Bytes of parts handed out so far."""
+        """Bytes of parts named so far."""
         self.sent_by_kind: dict[PacketKind | None, int] = {}
         """The same by kind of packet, None for the header; whoever counts them may clear it."""
 
     @property
     def greeted(self) -> bool:
         """Whether the client's hello has arrived."""
-        return self._jobs is not None
+        return self._runs is not None
 
     def receive(self, frame: bytes | str) -> None:
         """Take one frame of the client.
@@ -131,35 +130,34 @@ class ServerSession:
         message = decode_message(frame)
         if isinstance(message, Error):
             raise PeerError(message.code, message.message)
-        if isinstance(message, Hello) and self._jobs is None:
+        if isinstance(message, Hello) and self._runs is None:
             self._greet(message)
-        elif isinstance(message, Credit) and self._jobs is not None:
+        elif isinstance(message, Credit) and self._runs is not None:
             if not message.size:
                 raise ProtocolError("a credit of 0 bytes grants nothing; it is not to be sent")
             self._credit += message.size
         else:
             raise ProtocolError(f"{type(message).__name__} is not expected here")
 
-    def next_frame(self) -> bytes | None:
-        """The next frame to send, or None while there is nothing to send."""
-        if self._jobs is None or self.finished:
+    def next(self) -> bytes | PacketRange | None:
+        """What to send next: a frame, or a part of a packet, which is to be read; None while there is nothing."""
+        if self._runs is None or self.finished:
             return None
-        if self._job is None:
-            self._job, self._offset = next(self._jobs), 0
-        job = self._job
-        size = min(job.length - self._offset, LARGEST_PART, self._credit)
-        if size == 0 and job.length:
+        if self._run is None:
+            self._run, self._offset = next(self._runs), 0
+        run, start = self._run, self._offset
+        size = min(run.length - start, LARGEST_PART, self._credit)
+        if size == 0 and run.length:
             return None
-        message = job.message(self._offset, self._offset + size)
         self._credit -= size
         self.sent_bytes += size
         if size:
-            self.sent_by_kind[job.kind] = self.sent_by_kind.get(job.kind, 0) + size
+            self.sent_by_kind[run.kind] = self.sent_by_kind.get(run.kind, 0) + size
         self._offset += size
-        if self._offset == job.length:
-            self._job = None
-        self.finished = isinstance(message, Done)
-        return encode_message(message)
+        if self._offset == run.length:
+            self._run = None
+        self.finished = run.is_last
+        return run.part(start, start + size)
 
     def _greet(self, hello: Hello) -> None:
         if hello.protocol != PROTOCOL_VERSION:
@@ -169,36 +167,38 @@ class ServerSession:
         if hello.mesh != self._mesh:
             raise ProtocolError(f"hello asks for mesh {hello.mesh!r} on the connection of {self._mesh!r}")
         self._credit = hello.credit
-        self._jobs = self._plan(hello)
+        self._runs = self._plan(hello)
 
-    def _plan(self, hello: Hello) -> Iterator[_Job]:
-        """All that has to be sent, in order; the last job is Done."""
-        header, header_bytes = self._source.header, self._source.header_bytes
+    def _plan(self, hello: Hello) -> Iterator[_Run]:
+        """All that has to be sent, in order; the last run is Done."""
+        header, header_bytes = self._header, self._header_bytes
         mark = fingerprint(header_bytes)
         resumed = hello.fingerprint == mark
         total = len(header_bytes)
-        yield _Job(0 if resumed else total, lambda start, end: HeaderPart(mark, total, start, header_bytes[start:end]))
+        yield _Run(
+            0 if resumed else total,
+            lambda start, end: encode_message(HeaderPart(mark, total, start, header_bytes[start:end])),
+        )
         until = Until(hello.until_level, hello.until_error, hello.until_bytes)
         wanted = until.packet_count(header, total)
         packets = size = 0
         for index in _missing(hello.held if resumed else (), wanted):
             entry = header.packets[index]
-            yield _Job(entry.length, partial(self._packet_part, index), entry.kind)
+            yield _Run(entry.length, partial(PacketRange, index), entry.kind)
             packets += 1
             size += entry.length
-        yield _Job(0, lambda _start, _end: Done(packets, size, more=wanted < len(header.packets)))
-
-    def _packet_part(self, index: int, start: int, end: int) -> PacketPart:
-        return PacketPart(index, start, bytes(self._source.packet_part(index, start, end)))
+        done = encode_message(Done(packets, size, more=wanted < len(header.packets)))
+        yield _Run(0, lambda _start, _end: done, is_last=True)
 
 
 @dataclass(frozen=True, slots=True)
-class _Job:
-    """Something to send: bytes that cost credit, and the message that carries those from `start` to `end`."""
+class _Run:
+    """Bytes that cost credit and follow each other, and what is to be sent for those from `start` to `end`."""
 
     length: int
-    message: Callable[[int, int], Message]
+    part: Callable[[int, int], bytes | PacketRange]
     kind: PacketKind | None = None
+    is_last: bool = False
 
 
 @dataclass(frozen=True, slots=True)

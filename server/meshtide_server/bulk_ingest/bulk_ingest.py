@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from meshtide_codec.errors import OptionError
+from meshtide_codec.stream.mesh_query import MeshQuery
 from meshtide_server.bulk_ingest.ingestion import Ingestion
 from meshtide_server.bulk_ingest.local_workers import LocalWorkers
-from meshtide_server.catalogue import Catalogue, MeshQuery
+from meshtide_server.catalogue import Catalogue
 from meshtide_server.catalogue.database import checked_url
-from meshtide_server.catalogue.meshes import LARGEST_PAGE
-from meshtide_server.commands import explanation
 from meshtide_server.settings import Settings
+from meshtide_server.settings_sources import explanation
 from meshtide_server.store.memory import MemoryStore
 from meshtide_server.store.opening import open_store
 
@@ -175,7 +175,7 @@ class BulkIngest:
 
 async def _records(catalogue: Catalogue) -> AsyncIterator[MeshRecord]:
     """All meshes, read page by page."""
-    query = MeshQuery(limit=LARGEST_PAGE)
+    query = MeshQuery()
     while True:
         page = await catalogue.meshes.list(query)
         for record in page.meshes:

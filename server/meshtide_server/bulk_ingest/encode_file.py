@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshtideError
 from meshtide_server.bulk_ingest.idle_encoders import encoder_taken
-from meshtide_server.encoder_process import EncodingFailedError, Job
-from meshtide_server.stream_cache import codec_digest, file_digest
+from meshtide_server.encoding.process import EncodingFailedError, Job
+from meshtide_server.hosting.stream_cache import codec_digest, file_digest
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
     from meshtide_codec.limits import FileLimits, Limits
     from meshtide_server.catalogue import Box
-    from meshtide_server.encoder_process import ProcessLimits
+    from meshtide_server.encoding.process import ProcessLimits
     from meshtide_server.encoding_options import EncodingOptions
 
 ATTEMPTS = 2

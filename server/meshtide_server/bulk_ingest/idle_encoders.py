@@ -11,12 +11,12 @@ from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-from meshtide_server.encoder_process import EncoderProcess
+from meshtide_server.encoding.process import EncoderProcess
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
-    from meshtide_server.encoder_process import ProcessLimits
+    from meshtide_server.encoding.process import ProcessLimits
 
 IDLE_SECONDS = 20.0
 

@@ -16,12 +16,12 @@ from meshtide_codec.errors import MeshFileError, MeshtideError, TransferError
 from meshtide_codec.file_suffix import split_name
 from meshtide_codec.printable import listed_name
 from meshtide_server.bulk_ingest.encode_file import FileTask
-from meshtide_server.catalogue import DatabaseUnavailableError, MeshExistsError, MeshState
-from meshtide_server.encoder_process import ProcessLimits
-from meshtide_server.identifiers import unique_id
-from meshtide_server.publishing import Publication, publish
-from meshtide_server.stream_cache import codec_digest
-from meshtide_server.uploads import checked_suffix
+from meshtide_server.catalogue import DatabaseUnavailableError, MeshExistsError, Status
+from meshtide_server.encoding.process import ProcessLimits
+from meshtide_server.encoding.uploads import checked_suffix
+from meshtide_server.hosting.identifiers import unique_id
+from meshtide_server.hosting.publishing import Publication, publish
+from meshtide_server.hosting.stream_cache import codec_digest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -206,7 +206,7 @@ class Ingestion:
     async def _ready_twin(self, chosen: ChosenFile) -> str | None:
         """The id of a mesh that was made of the same content."""
         twin = await self._catalogue.meshes.find_source(chosen.digest)
-        return twin.id if twin is not None and twin.state == MeshState.READY else None
+        return twin.id if twin is not None and twin.state == Status.READY else None
 
     def _free_id(self, file: Path) -> str:
         found = unique_id(*split_name(file), self._taken)

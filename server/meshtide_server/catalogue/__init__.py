@@ -1,6 +1,7 @@
 """The catalogue: which meshes there are, which streams hold them, and the jobs that make those streams.
 
-A SQLite file by default, PostgreSQL for several machines; the same code on both.
+A SQLite file by default, PostgreSQL for several machines; the same code on both. It holds no streams, only what is told
+of them, and imports no other room.
 
     catalogue = await Catalogue.open("sqlite:///catalogue.db")
     page = await catalogue.meshes.list(MeshQuery(text="bunny", tags=("scan",)))
@@ -23,10 +24,9 @@ from meshtide_server.catalogue.rows import (
     Job,
     JobState,
     MeshPage,
-    MeshQuery,
     MeshRecord,
-    MeshState,
     PacketLocation,
+    Status,
     StreamRecord,
 )
 
@@ -39,11 +39,10 @@ __all__ = [
     "JobState",
     "MeshExistsError",
     "MeshPage",
-    "MeshQuery",
     "MeshRecord",
-    "MeshState",
     "NewerSchemaError",
     "PacketLocation",
+    "Status",
     "StreamRecord",
     "UnknownJobError",
     "UnknownMeshError",

@@ -20,7 +20,7 @@ from meshtide_server.catalogue.jobs import (
 )
 from meshtide_server.catalogue.meshes import Meshes, add_mesh, get_mesh, put_mesh
 from meshtide_server.catalogue.migrations import migrate
-from meshtide_server.catalogue.rows import MeshState, Told
+from meshtide_server.catalogue.rows import Status, Told
 from meshtide_server.catalogue.sources import Sources, forget_pending
 from meshtide_server.catalogue.streams import (
     Streams,
@@ -185,8 +185,8 @@ class Catalogue:
             row = select(mesh_table.c.id).where(mesh_table.c.id == mesh_id).with_for_update()
             await connection.execute(row)  # an upload that replaces the mesh waits, or was before this
             record = await get_mesh(connection, mesh_id)
-            if record.state == MeshState.ENCODING or await has_unfinished_job(connection, mesh_id):
-                return replace(record, state=MeshState.ENCODING)
+            if record.state == Status.ENCODING or await has_unfinished_job(connection, mesh_id):
+                return replace(record, state=Status.ENCODING)
             changed = replace(
                 record,
                 name=record.name if name is None else name,
@@ -242,4 +242,4 @@ async def _served_mesh(connection: AsyncConnection, mesh_id: str) -> MeshRecord 
         record = await get_mesh(connection, mesh_id)
     except UnknownMeshError:
         return None
-    return record if record.state == MeshState.READY else None
+    return record if record.state == Status.READY else None

@@ -11,7 +11,7 @@ from sqlalchemy import and_, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from meshtide_server.catalogue.errors import MeshExistsError, UnknownMeshError
-from meshtide_server.catalogue.rows import Box, MeshPage, MeshRecord, MeshState, now
+from meshtide_server.catalogue.rows import Box, MeshPage, MeshRecord, Status, now
 from meshtide_server.catalogue.tables import BOX_COLUMNS, mesh_table, tag_table
 
 if TYPE_CHECKING:
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, RowMapping
     from sqlalchemy.ext.asyncio import AsyncConnection
 
+    from meshtide_codec.stream.mesh_query import MeshQuery
     from meshtide_server.catalogue.database import Database
-    from meshtide_server.catalogue.rows import MeshQuery
 
 LARGEST_PAGE = 1000
 _AFTER_ALL = "{"
@@ -91,7 +91,7 @@ class Meshes:
         """A mesh that was made from the file with that SHA-256, one that is ready before all others."""
         async with self._database.reading() as connection:
             statement = select(mesh_table.c.id).where(mesh_table.c.source_sha256 == sha256)
-            ready = mesh_table.c.state == MeshState.READY.value
+            ready = mesh_table.c.state == Status.READY.value
             found = (await connection.execute(statement.order_by(ready.desc(), mesh_table.c.created))).scalars().first()
             return await get_mesh(connection, found) if found is not None else None
 
@@ -100,23 +100,27 @@ class Meshes:
         async with self._database.writing() as connection:
             await fail_mesh(connection, mesh_id, reason)
 
-    async def list(self, query: MeshQuery) -> MeshPage:
-        """The meshes that were asked for, in the order of their ids, one page of them."""
-        limit = min(max(query.limit, 1), LARGEST_PAGE)
+    async def list(self, query: MeshQuery, limit: int = LARGEST_PAGE) -> MeshPage:
+        """The meshes that were asked for, in the order of their ids, one page of them.
+
+        Args:
+            query: which ones; the `next` of the page before is the `after` of the following one.
+            limit: how many at most.
+        """
+        limit = min(max(limit, 1), LARGEST_PAGE)
         statement = select(mesh_table).where(and_(True, *_conditions(query)))
         async with self._database.reading() as connection:
             rows = (await connection.execute(statement.order_by(mesh_table.c.id).limit(limit + 1))).mappings().all()
             meshes = await _records(connection, rows[:limit])
         return MeshPage(tuple(meshes), meshes[-1].id if len(rows) > limit else None)
 
-    async def count(self, query: MeshQuery | None = None) -> dict[MeshState, int]:
-        """How many of the meshes that were asked for are in which state; pages do not matter."""
-        conditions = _conditions(replace(query, after="")) if query else []
-        statement = select(mesh_table.c.state, func.count()).where(and_(True, *conditions))
+    async def count(self) -> dict[Status, int]:
+        """How many meshes are in which state."""
+        statement = select(mesh_table.c.state, func.count())
         async with self._database.reading() as connection:
             rows = (await connection.execute(statement.group_by(mesh_table.c.state))).all()
-        counts = dict.fromkeys(MeshState, 0)
-        counts.update({MeshState(state): number for state, number in rows})
+        counts = dict.fromkeys(Status, 0)
+        counts.update({Status(state): number for state, number in rows})
         return counts
 
 
@@ -153,8 +157,8 @@ async def get_mesh(connection: AsyncConnection, mesh_id: str) -> MeshRecord:
 
 async def fail_mesh(connection: AsyncConnection, mesh_id: str, reason: str) -> None:
     """Note that a mesh cannot be served, unless an earlier stream of it still can."""
-    unfinished = and_(mesh_table.c.id == mesh_id, mesh_table.c.state != MeshState.READY.value)
-    values = {"state": MeshState.FAILED.value, "reason": reason, "updated": micros(now())}
+    unfinished = and_(mesh_table.c.id == mesh_id, mesh_table.c.state != Status.READY.value)
+    values = {"state": Status.FAILED.value, "reason": reason, "updated": micros(now())}
     await connection.execute(update(mesh_table).where(unfinished).values(**values))
 
 
@@ -209,7 +213,7 @@ def _record(row: RowMapping, tags: tuple[str, ...]) -> MeshRecord:
         name=row["name"],
         tags=tags,
         licence=row["licence"],
-        state=MeshState(row["state"]),
+        state=Status(row["state"]),
         reason=row["reason"],
         stream=row["stream_sha256"],
         source=row["source_sha256"],
@@ -230,8 +234,6 @@ def _conditions(query: MeshQuery) -> list[ColumnElement[bool]]:
     conditions += [func.lower(table.licence).contains(word, autoescape=True) for word in query.licence.lower().split()]
     for tag in query.tags:
         conditions.append(table.id.in_(select(tag_table.c.mesh_id).where(tag_table.c.tag == tag)))
-    if query.states:
-        conditions.append(table.state.in_([state.value for state in query.states]))
     bounds: list[tuple[Any, Callable[[Any, Any], Any], object]] = [
         (table.size, operator.ge, query.smallest),
         (table.size, operator.le, query.largest),
@@ -242,10 +244,11 @@ def _conditions(query: MeshQuery) -> list[ColumnElement[bool]]:
         (table.created, operator.gt, query.created_after and micros(query.created_after)),
         (table.created, operator.lt, query.created_before and micros(query.created_before)),
         (table.id, operator.gt, query.after or None),
+        (table.state, operator.eq, query.status and Status(query.status).value),
     ]
     conditions += [compare(column, bound) for column, compare, bound in bounds if bound is not None]
     if query.box is not None:
         for axis, name in enumerate("xyz"):
-            conditions.append(table[f"minimum_{name}"] <= query.box.maximum[axis])
-            conditions.append(table[f"maximum_{name}"] >= query.box.minimum[axis])
+            conditions.append(table[f"minimum_{name}"] <= query.box[3 + axis])
+            conditions.append(table[f"maximum_{name}"] >= query.box[axis])
     return conditions

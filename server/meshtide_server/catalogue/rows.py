@@ -1,4 +1,4 @@
-"""What stands in a catalogue, as frozen dataclasses: meshes, streams, packets, jobs, and questions about meshes."""
+"""What stands in a catalogue, as frozen dataclasses: meshes, streams, packets and jobs."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 Point = tuple[float, float, float]
 
 
-class MeshState(StrEnum):
-    """How far a mesh is; the words are those of GET /meshes."""
+class Status(StrEnum):
+    """How far a hosted mesh is."""
 
     ENCODING = "encoding"
     READY = "ready"
@@ -72,7 +72,7 @@ class MeshRecord:
     name: str
     tags: tuple[str, ...] = ()
     licence: str = ""
-    state: MeshState = MeshState.ENCODING
+    state: Status = Status.ENCODING
     reason: str | None = None
     stream: str | None = None
     source: str | None = None
@@ -159,45 +159,6 @@ class Job:
     finished: datetime | None = None
     told: Told | None = None
     notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class MeshQuery:
-    """Which meshes are wanted; what is left out does not matter.
-
-    Args:
-        text: words that all stand in its id, name or tags, in any case.
-        tags: that it has all of.
-        states: of which it is in one.
-        licence: words that stand in the text of its terms, in any case.
-        smallest: bytes of its stream, at least.
-        largest: bytes of its stream, at most.
-        fewest_vertices: at least.
-        most_vertices: at most.
-        fewest_levels: that its stream can show, at least.
-        most_levels: the same, at most.
-        box: that its own box touches.
-        created_after: when it came into the catalogue.
-        created_before: the same.
-        after: only ids that come after this one: the `next` of the page before.
-        limit: how many at most.
-    """
-
-    text: str = ""
-    tags: tuple[str, ...] = ()
-    states: tuple[MeshState, ...] = ()
-    licence: str = ""
-    smallest: int | None = None
-    largest: int | None = None
-    fewest_vertices: int | None = None
-    most_vertices: int | None = None
-    fewest_levels: int | None = None
-    most_levels: int | None = None
-    box: Box | None = None
-    created_after: datetime | None = None
-    created_before: datetime | None = None
-    after: str = ""
-    limit: int = 100
 
 
 @dataclass(frozen=True, slots=True)

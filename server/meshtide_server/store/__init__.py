@@ -1,5 +1,8 @@
 """Where bytes are kept: one small protocol, and stores that keep it: a folder, memory, S3.
 
+A store knows keys and bytes, not what they mean: meshes and streams are the other rooms' business. It imports none of
+them.
+
 >>> from meshtide_server.store import open_store
 >>> open_store("memory:")
 MemoryStore(0 objects)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, TypeVar
 from meshtide_server.store.errors import MissingObjectError, ObjectRangeError, StoreError
 from meshtide_server.store.keys import check_key, check_prefix
 from meshtide_server.store.protocol import ObjectInfo
+from meshtide_server.store.range_reader import FileReader
 
 try:
     import fcntl
@@ -74,6 +75,11 @@ class LocalStore:
         """Bytes `start` to `end` of an object."""
         path = self.path(key)
         return await self._in_thread(key, lambda: _read_range(path, key, start, end))
+
+    async def open_range_reader(self, key: str) -> FileReader:
+        """What reads ranges of an object where it lies."""
+        path = self.path(key)
+        return await self._in_thread(key, lambda: FileReader(path))
 
     async def put(self, key: str, data: Data) -> ObjectInfo:
         """Make or replace an object."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from meshtide_server.store.errors import MissingObjectError, ObjectRangeError
 from meshtide_server.store.keys import check_key, check_prefix
 from meshtide_server.store.protocol import ObjectInfo
+from meshtide_server.store.range_reader import ObjectReader
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -31,6 +32,10 @@ class MemoryStore:
         if not 0 <= start <= end <= len(data):
             raise ObjectRangeError(key, start, end, len(data))
         return data[start:end]
+
+    async def open_range_reader(self, key: str) -> ObjectReader:
+        """What reads ranges of an object."""
+        return ObjectReader(self, check_key(key))
 
     async def put(self, key: str, data: Data) -> ObjectInfo:
         """Make or replace an object."""

@@ -29,6 +29,41 @@ class ObjectInfo:
     etag: str
 
 
+class OpenRanges(Protocol):
+    """Bytes that are open for one reader, who has to close them."""
+
+    def at_hand(self, start: int, end: int) -> bytes | None:
+        """Bytes `start` to `end`, all of them, or None if they cannot be had without waiting."""
+
+    async def read(self, start: int, end: int) -> bytes:
+        """Bytes `start` to `end`, all of them, while others have their turn."""
+
+    def close(self) -> None:
+        """Let go of them; may be called twice."""
+
+
+class RangeReader(Protocol):
+    """Bytes that many may read, each after opening them."""
+
+    @property
+    def size(self) -> int | None:
+        """How many there are; None if that is not known without asking."""
+
+    @property
+    def is_near(self) -> bool:
+        """Whether they lie on this machine, so that nothing is gained by keeping them in memory."""
+
+    def open(self) -> OpenRanges:
+        """Open them for reading.
+
+        Raises:
+            StreamError: they are gone, or others by now.
+        """
+
+    def unchanged(self) -> bool:
+        """Whether they are, as far as can be told without reading them, those that were first seen."""
+
+
 class Store(Protocol):
     """Objects under keys; see `keys` for what a key is."""
 
@@ -45,6 +80,13 @@ class Store(Protocol):
         Raises:
             MissingObjectError: there is none.
             ObjectRangeError: not 0 <= start <= end <= size.
+        """
+
+    async def open_range_reader(self, key: str) -> RangeReader:
+        """What reads ranges of an object again and again; where the object lies elsewhere, nothing is asked for yet.
+
+        Raises:
+            MissingObjectError: there is none, as far as that is known without asking.
         """
 
     async def put(self, key: str, data: Data) -> ObjectInfo:

@@ -20,6 +20,7 @@ from meshtide_codec.errors import OptionError
 from meshtide_server.store.errors import MissingBucketError, MissingObjectError, ObjectRangeError, StoreError
 from meshtide_server.store.keys import check_key, check_prefix
 from meshtide_server.store.protocol import ObjectInfo
+from meshtide_server.store.range_reader import ObjectReader
 
 try:
     import obstore
@@ -100,6 +101,10 @@ class S3Store:
         if len(data) != end - start:
             raise ObjectRangeError(key, start, end, start + len(data))
         return data
+
+    async def open_range_reader(self, key: str) -> ObjectReader:
+        """What reads ranges of an object."""
+        return ObjectReader(self, check_key(key))
 
     async def put(self, key: str, data: Data) -> ObjectInfo:
         """Make or replace an object."""

@@ -24,7 +24,7 @@ import httpx
 from hosting import Row, meshtide_server
 from sqlalchemy import insert, text
 
-from meshtide_server.catalogue import Box, Catalogue, MeshRecord, MeshState
+from meshtide_server.catalogue import Box, Catalogue, MeshRecord, Status
 from meshtide_server.catalogue.meshes import _values, micros
 from meshtide_server.catalogue.tables import mesh_table, tag_table
 
@@ -55,7 +55,7 @@ def records(count: int) -> list[MeshRecord]:
                 name=f"{thing.capitalize()} {number}.ply",
                 tags=tuple(sorted(random.sample(TAGS, 3))),
                 licence=random.choice(LICENCES),
-                state=MeshState.READY if number % 100 else MeshState.FAILED,
+                state=Status.READY if number % 100 else Status.FAILED,
                 source=hashlib.sha256(str(number).encode()).hexdigest(),
                 size=2 * vertices,
                 vertices=vertices,

@@ -25,11 +25,13 @@ import uvloop
 from hosting import MESH, Process, Row, allow_descriptors, fetch_exactly, folder_with_bunny, meshtide_server
 from websocket_throughput import measure
 
+from meshtide_codec.compact.effort import Effort
+from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
 from meshtide_codec.stream.packets import Packet, PacketKind
 from meshtide_server.catalogue import Catalogue
-from meshtide_server.publishing import Publication, publish
+from meshtide_server.hosting.publishing import Publication, publish
 from meshtide_server.store.s3 import S3Store
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -54,7 +56,16 @@ def large_stream() -> bytes:
     ]
     table, encoded = packet_table(packets)
     levels = (LevelEntry(1, 1, 100, 196, 0.02, 0.05), LevelEntry(0, len(packets), 400, 796, 0.0, 0.0))
-    header = StreamHeader("classic", {}, 12, (0.0, 0.0, 0.0), 1.0, levels, table)
+    options = CompactHeader(
+        base_depth=11,
+        strengths=(0, 0),
+        diff_depths=(12,),
+        mirror=None,
+        slices=tuple(range(LARGE_PACKETS)),
+        previews=0,
+        effort=Effort.DEFAULT,
+    )
+    header = StreamHeader(options, 12, (0.0, 0.0, 0.0), 1.0, levels, table)
     return write_container(header, encoded)
 
 

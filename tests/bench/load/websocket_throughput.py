@@ -25,7 +25,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from meshtide_codec.stream.container import preamble
 from meshtide_codec.stream.messages import Done, Hello, decode_message
-from meshtide_codec.stream.session import ServerSession
+from meshtide_codec.stream.session import PacketRange, ServerSession
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,26 +35,17 @@ if TYPE_CHECKING:
 PATH = f"/meshes/{MESH}/stream"
 
 
-class _Source:
-    """The stream that the bare server's frames are made of."""
-
-    def __init__(self, encoded: EncodedMesh) -> None:
-        self.header = encoded.header
-        self.header_bytes = encoded.header.to_bytes()
-        self._data = encoded.to_bytes()
-
-    def packet_part(self, index: int, start: int, end: int) -> bytes:
-        offset = len(preamble(self.header_bytes)) + int(self.header.packet_offsets[index])
-        return self._data[offset + start : offset + end]
-
-
 def frames_of(encoded: EncodedMesh) -> list[bytes]:
     """What meshtide's server sends to a client that wants everything."""
-    session = ServerSession(MESH, _Source(encoded))
+    header_bytes, data = encoded.header.to_bytes(), encoded.to_bytes()
+    session = ServerSession(MESH, encoded.header, header_bytes)
     session.receive(hello(MESH))
     frames = []
-    while (frame := session.next_frame()) is not None:
-        frames.append(frame)
+    while (due := session.next()) is not None:
+        if isinstance(due, PacketRange):
+            offset = len(preamble(header_bytes)) + int(encoded.header.packet_offsets[due.index])
+            due = due.frame(data[offset + due.start : offset + due.end])
+        frames.append(due)
     assert isinstance(decode_message(hello(MESH)), Hello)
     assert isinstance(decode_message(frames[-1]), Done)
     return frames

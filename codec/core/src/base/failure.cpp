@@ -24,3 +24,11 @@ void fail(const Failure& failure) { throw failure; }
 } // namespace meshtide
 
 #endif
+
+namespace meshtide {
+
+void fail(Fault fault, const char* text) { fail(Failure{fault, text}); }
+
+void fail_access() { fail(Fault::internal, "an access outside of an array"); }
+
+} // namespace meshtide

@@ -28,12 +28,19 @@ struct Failure {
 };
 
 [[noreturn]] void fail(const Failure& failure);
-[[noreturn]] inline void fail(Fault fault, const char* text) { fail(Failure{fault, text}); }
+[[noreturn]] void fail(Fault fault, const char* text);
+// The failure of every check of a place in memory: so short a call that checks cost little room.
+[[noreturn]] void fail_access();
 
 // Fails as malformed unless the condition holds.
 inline void expect(bool condition, const char* text) {
     if (!condition) [[unlikely]]
         fail(Fault::malformed, text);
+}
+
+// Fails unless the caller keeps the contract of a function.
+inline void require(bool condition, const char* text) {
+    if (!condition) fail(Fault::argument, text);
 }
 
 // Fails unless what a stream claims is allowed; the text names the limit.

@@ -24,6 +24,14 @@
 
 #define MESHTIDE_INLINE inline __attribute__((always_inline))
 
+// What is large and called from several places: a copy for each of them where only speed counts, one in WebAssembly,
+// which has to be fetched before it can run.
+#ifdef __wasm__
+#define MESHTIDE_ONCE inline __attribute__((noinline))
+#else
+#define MESHTIDE_ONCE MESHTIDE_INLINE
+#endif
+
 namespace meshtide::inline MESHTIDE_ISA {
 
 typedef int16_t I16x8 __attribute__((vector_size(16)));
@@ -251,6 +259,14 @@ MESHTIDE_INLINE int signs(I32x4 a) { return static_cast<int>(wasm_i32x4_bitmask(
 MESHTIDE_INLINE F32x4 to_floats(I32x4 a) { return __builtin_convertvector(a, F32x4); }
 MESHTIDE_INLINE F32x4 magnitude(F32x4 a) {
     return reinterpret_cast<F32x4>(reinterpret_cast<I32x4>(a) & splat32(0x7fffffff));
+}
+
+MESHTIDE_INLINE I32x4 least32(I32x4 a, I32x4 b) { return a < b ? a : b; }
+MESHTIDE_INLINE I32x4 greatest32(I32x4 a, I32x4 b) { return a > b ? a : b; }
+// The greatest of the lanes, in all lanes.
+MESHTIDE_INLINE I32x4 greatest_of(I32x4 a) {
+    a = greatest32(a, __builtin_shufflevector(a, a, 2, 3, 0, 1));
+    return greatest32(a, __builtin_shufflevector(a, a, 1, 0, 3, 2));
 }
 
 // The lower, and the upper, four lanes of both in turn.

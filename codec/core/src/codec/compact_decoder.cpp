@@ -1,10 +1,46 @@
 #include "codec/compact_decoder.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
+
+// Vertices of which the middles of known cells are given, in half finest steps, their depths in the fourth lanes.
+struct Known {
+    Span<F32x4> cells;
+    int bits;
+    Strength strength;
+};
+
+// Where they are drawn. What was known is used up.
+void draw_known(const Known& level, Span<const int32_t> faces, Span<double> positions, Budget& budget) {
+    Span<F32x4> known = level.cells;
+    Strength strength = level.strength;
+    size_t n = known.size();
+    if (strength.smoothing == 0 && strength.sharpening == 0) { // in the middles, at any precision
+        for (size_t v = 0; v < n; v++)
+            for (size_t k = 0; k < 3; k++)
+                positions[3 * v + k] = 0.5 * (static_cast<double>(known[v][static_cast<int>(k)]) - 1.0);
+        return;
+    }
+    Array<int32_t> half_sides(budget);
+    half_sides.resize(n);
+    for (size_t v = 0; v < n; v++) {
+        half_sides[v] = 1 << (level.bits - static_cast<int>(known[v][3]));
+        known[v][3] = 0;
+    }
+    Rings rings(budget);
+    order_rings(faces, n, rings, budget);
+    Array<Vector> drawn(budget);
+    draw({known, half_sides.span()}, rings, strength, drawn, budget);
+    for (size_t v = 0; v < n; v++) {
+        positions[3 * v] = drawn[v].x;
+        positions[3 * v + 1] = drawn[v].y;
+        positions[3 * v + 2] = drawn[v].z;
+    }
+}
 
 Plan plan_of(const Header& header) {
     Plan plan;
@@ -18,28 +54,17 @@ Plan plan_of(const Header& header) {
 
 } // namespace
 
-CompactDecoder::CompactDecoder(const Header& header, const Limits& limits, Budget& budget)
-    : header_(header), limits_(limits), budget_(budget), plan_(plan_of(header)), chain_(budget, plan_),
+CompactDecoder::CompactDecoder(const Header& header, const Trained& trained, Budget& budget)
+    : StreamDecoder(header, budget), trained_(trained), plan_(plan_of(header)), chain_(budget, plan_),
       layers_(make_decoder_layers(header.compact.effort == 0 ? Effort::standard : Effort::high, budget, plan_,
-                                  header.compact.slices.span())),
-      slices_(header.compact.slices.size()), taken_(budget) {
-    taken_.assign(header.packets.size(), 0);
+                                  header.compact.slices.span(), trained, place_.offset)),
+      waiting_(budget), slices_(budget), previews_(budget), shifts_(budget) {
+    for (size_t slice = 0; slice < header.compact.slices.size(); slice++) slices_.add(budget);
 }
 
-// The place of a packet in the table; that it came is noted.
-size_t CompactDecoder::entry_of(PacketPlace place) const {
-    for (size_t i = 0; i < header_.packets.size(); i++) {
-        const PacketEntry& entry = header_.packets[i];
-        if (entry.kind == static_cast<uint8_t>(place.kind) && entry.level == place.level && entry.slice == place.slice)
-            return i;
-    }
-    fail(Fault::malformed, "this stream has no such packet");
-}
-
-void CompactDecoder::push(PacketPlace place, Span<const uint8_t> payload) {
-    place_ = place;
-    size_t entry = entry_of(place);
-    expect(taken_[entry] == 0, "it came twice");
+void CompactDecoder::take(PacketPlace place, Span<const uint8_t> payload) {
+    told_ = false;
+    int reached = has_base_ ? layers_->known_depth() : 0;
     int depth = depth_of(place.level);
     switch (place.kind) {
     case PacketKind::base:
@@ -53,13 +78,14 @@ void CompactDecoder::push(PacketPlace place, Span<const uint8_t> payload) {
     case PacketKind::map_conn:
         expect(place.slice == 0 && place.level < coarsest(), "this stream has no such packet");
         expect(!broken_, "the levels before it are damaged");
-        waiting_.emplace_back(budget_, depth, payload);
+        waiting_.add(budget_, depth, payload);
         decode_levels();
         break;
     case PacketKind::diff:
         expect(place.slice < slices_.size(), "this stream has no such packet");
-        slices_[place.slice].waiting.emplace_back(budget_, depth, payload);
+        slices_[place.slice].waiting.add(budget_, depth, payload);
         decode_diffs(place.slice);
+        if (told_ || (has_base_ && layers_->known_depth() > reached)) improve(std::min(place.level, coarsest()));
         break;
     case PacketKind::preview:
         decode_preview(place, payload);
@@ -68,21 +94,30 @@ void CompactDecoder::push(PacketPlace place, Span<const uint8_t> payload) {
     case PacketKind::order:
         fail(Fault::malformed, "this stream has no such packet");
     }
-    taken_[entry] = 1;
+    if (!has_base_) return;
+    chain_.forget(layers_->known_depth() + 1, !only_finest());
+    if (chain_.last().vertex_count() >= ROOMY) trim_heap();
+}
+
+uint64_t CompactDecoder::map_bytes() const { return layers_->map_bytes(); }
+
+size_t CompactDecoder::find(const List<Waiting>& waiting, int depth) {
+    size_t place = 0;
+    while (place < waiting.size() && waiting[place].depth != depth) place++;
+    return place;
 }
 
 // Levels as far as Map&Conn packets have come, and the Diffs that have waited for them.
 void CompactDecoder::decode_levels() {
     while (has_base_ && !broken_ && chain_.known_depth() < header_.bits) {
         int depth = chain_.known_depth() + 1;
-        auto next =
-            std::find_if(waiting_.begin(), waiting_.end(), [&](const Waiting& each) { return each.depth == depth; });
-        if (next == waiting_.end()) break;
+        size_t next = find(waiting_, depth);
+        if (next == waiting_.size()) break;
         place_ = {PacketKind::map_conn, static_cast<uint32_t>(header_.bits - depth), 0};
         broken_ = true; // until it is decoded
-        layers_->decode_next_level(next->payload.span(), chain_);
+        layers_->decode_next_level(waiting_[next].payload.span(), chain_);
         broken_ = false;
-        waiting_.erase(next);
+        waiting_.remove(next);
     }
     expect(!has_base_ || broken_ || !chain_.ends() || waiting_.empty(), "nothing is left to split");
     for (size_t slice = 0; slice < slices_.size(); slice++) decode_diffs(slice);
@@ -95,30 +130,31 @@ void CompactDecoder::decode_diffs(size_t slice) {
     for (int depth = layers_->slice(slice).known_depth() + 1; depth <= chain_.known_depth(); depth++) {
         if ((header_.compact.diff_depths >> depth & 1) == 0) continue;
         auto& waiting = progress.waiting;
-        auto next =
-            std::find_if(waiting.begin(), waiting.end(), [&](const Waiting& each) { return each.depth == depth; });
-        if (next == waiting.end()) return;
+        size_t next = find(waiting, depth);
+        if (next == waiting.size()) return;
         place_ = {PacketKind::diff, static_cast<uint32_t>(header_.bits - depth), static_cast<uint32_t>(slice)};
         progress.broken = true; // until it is decoded
-        layers_->decode_planes(next->payload.span(), chain_, slice, depth);
+        layers_->decode_planes(waiting[next].payload.span(), chain_, slice, depth);
         progress.broken = false;
-        waiting.erase(next);
+        told_ = told_ || waiting[next].payload.size() > 0;
+        waiting.remove(next);
+        if (!watching()) continue;
+        while (shifts_.size() < slices_.size()) shifts_.add(budget_);
+        DecodedDiffs& told = tell_diffs(place_.level, place_.slice);
+        shifts_[slice].note(layers_->slice(slice), chain_.at(depth), header_.bits, told.values);
     }
 }
 
-// The depth that the Diffs of all slices have come to.
-int CompactDecoder::reached_depth() const {
-    int reached = header_.bits;
-    for (size_t slice = 0; slice < slices_.size(); slice++)
-        reached = std::min(reached, layers_->slice(slice).known_depth());
-    return reached;
+void CompactDecoder::replace(const DecodedDiffs& decoded, Span<const double> values) {
+    double scale = static_cast<double>(1 << decoded.level);
+    shifts_[decoded.slice].replace(depth_of(decoded.level), scale, decoded.values.span(), values);
 }
 
 uint64_t CompactDecoder::available() const {
     uint64_t levels = 0;
     for (const Preview& preview : previews_) levels |= static_cast<uint64_t>(1) << preview.level;
     if (has_base_)
-        for (int depth = header_.compact.base_depth; depth <= chain_.known_depth(); depth++)
+        for (int depth = first_drawn(); depth <= chain_.known_depth(); depth++)
             levels |= static_cast<uint64_t>(1) << (header_.bits - depth);
     return levels;
 }
@@ -127,15 +163,15 @@ uint64_t CompactDecoder::exact() const {
     uint64_t levels = 0;
     for (const Preview& preview : previews_) levels |= static_cast<uint64_t>(1) << preview.level;
     if (!has_base_) return levels;
-    int reached = reached_depth(), needed = 0;
+    int reached = layers_->known_depth(), needed = 0;
     for (int depth = header_.compact.base_depth; depth <= chain_.known_depth(); depth++) {
         if ((header_.compact.diff_depths >> depth & 1) != 0) needed = depth;
-        if (needed <= reached) levels |= static_cast<uint64_t>(1) << (header_.bits - depth);
+        if (needed <= reached && depth >= first_drawn()) levels |= static_cast<uint64_t>(1) << (header_.bits - depth);
     }
     return levels;
 }
 
-void CompactDecoder::show(uint32_t level, Shown& shown) const {
+void CompactDecoder::show(uint32_t level, Shown& shown) {
     if (level > MOST_LEVEL || (available() >> level & 1) == 0) fail(Fault::argument, "the level is not available yet");
     for (const Preview& preview : previews_) {
         if (preview.level != level) continue;
@@ -150,33 +186,29 @@ void CompactDecoder::show(uint32_t level, Shown& shown) const {
     for (size_t slice = 0; slice < slices_.size(); slice++) layers_->slice(slice).tell(cells, known.span());
     canonical_faces(cells, shown.faces, budget_);
     int depth = depth_of(level) - header_.compact.base_depth;
-    draw_known(known.span(), header_.bits, STRENGTHS[header_.compact.strengths[depth]], shown, budget_);
+    shown.positions.resize(3 * known.size());
+    draw_known({known.span(), header_.bits, STRENGTHS[header_.compact.strengths[depth]]}, shown.faces.span(),
+               shown.positions.span(), budget_);
+    for (size_t slice = 0; slice < shifts_.size(); slice++)
+        shifts_[slice].shift(layers_->slice(slice), cells, header_.bits, shown.positions.span());
 }
 
-void draw_known(Span<F32x4> known, int bits, Strength strength, Shown& shown, Budget& budget) {
-    size_t n = known.size();
-    shown.positions.resize(3 * n);
-    if (strength.smoothing == 0 && strength.sharpening == 0) { // in the middles, at any precision
-        for (size_t v = 0; v < n; v++)
-            for (size_t k = 0; k < 3; k++)
-                shown.positions[3 * v + k] = 0.5 * (static_cast<double>(known[v][static_cast<int>(k)]) - 1.0);
-        return;
+void show_truth(const Octree& octree, int depth, int known_depth, Strength strength, Span<double> positions,
+                Budget& budget) {
+    const Octree::Depth& cells = octree.at(depth);
+    Array<F32x4> known(budget);
+    known.resize(cells.cell_count());
+    for (size_t v = 0; v < known.size(); v++) {
+        size_t first = cells.first[v];
+        int told = cells.is_leaf(v) ? std::max(octree.leaf_depth(first), known_depth) : depth;
+        int shift = octree.bits - told;
+        for (size_t k = 0; k < 3; k++) {
+            int32_t cell = octree.positions[3 * first + k] >> shift;
+            known[v][static_cast<int>(k)] = static_cast<float>((2 * cell + 1) << shift);
+        }
+        known[v][3] = static_cast<float>(told);
     }
-    Array<int32_t> half_sides(budget);
-    half_sides.resize(n);
-    for (size_t v = 0; v < n; v++) {
-        half_sides[v] = 1 << (bits - static_cast<int>(known[v][3]));
-        known[v][3] = 0;
-    }
-    Rings rings(budget);
-    order_rings(shown.faces.span(), n, rings, budget);
-    Array<Vector> drawn(budget);
-    draw({known, half_sides.span()}, rings, strength, drawn, budget);
-    for (size_t v = 0; v < n; v++) {
-        shown.positions[3 * v] = drawn[v].x;
-        shown.positions[3 * v + 1] = drawn[v].y;
-        shown.positions[3 * v + 2] = drawn[v].z;
-    }
+    draw_known({known.span(), octree.bits, strength}, cells.faces.span(), positions, budget);
 }
 
 // A mesh of its own, in a cube of its own bits: b (b + 1) / 2 + a for b bits and the depth a at which all its cells are
@@ -200,11 +232,11 @@ void CompactDecoder::decode_preview(PacketPlace place, Span<const uint8_t> paylo
     plan.most_faces = checked_size(state->faces);
     LevelChain chain(budget_, plan);
     const uint64_t whole[1] = {0};
-    auto layers = make_decoder_layers(Effort::standard, budget_, plan, {whole, 1});
+    auto layers = make_decoder_layers(Effort::standard, budget_, plan, {whole, 1}, trained_, place_.offset);
     layers->decode_preview(reader.rest(), chain, leaf_depth);
     expect(chain.ends(), "a preview that has cells to split");
 
-    Preview& preview = previews_.emplace_back(budget_);
+    Preview preview(budget_);
     preview.level = place.level;
     const Level& cells = chain.at(bits);
     Array<F32x4> known(budget_);
@@ -217,40 +249,7 @@ void CompactDecoder::decode_preview(PacketPlace place, Span<const uint8_t> paylo
             preview.shown.positions[3 * v + k] =
                 0.5 * (static_cast<double>(known[v][static_cast<int>(k)]) - 1.0) * scale;
     canonical_faces(cells, preview.shown.faces, budget_);
-}
-
-void canonical_faces(const Level& level, Array<int32_t>& faces, Budget& budget) {
-    size_t count = level.face_count(), vertices = level.vertex_count();
-    Array<uint32_t> starts(budget); // by the least corner
-    starts.assign(vertices + 1, 0);
-    auto rotated = [&](size_t t, int32_t* corners) {
-        for (size_t k = 0; k < 3; k++) corners[k] = level.corners[4 * t + k];
-        while (corners[0] > corners[1] || corners[0] > corners[2]) std::rotate(corners, corners + 1, corners + 3);
-    };
-    int32_t face[3];
-    for (size_t t = 0; t < count; t++) {
-        rotated(t, face);
-        starts[static_cast<size_t>(face[0]) + 1]++;
-    }
-    for (size_t v = 0; v < vertices; v++) starts[v + 1] += starts[v];
-    Array<uint64_t> others(budget); // the two other corners
-    others.resize(count);
-    for (size_t t = 0; t < count; t++) {
-        rotated(t, face);
-        others[starts[static_cast<size_t>(face[0])]++] =
-            static_cast<uint64_t>(face[1]) << 32 | static_cast<uint32_t>(face[2]);
-    }
-    faces.resize(3 * count);
-    size_t first = 0;
-    for (size_t v = 0; v < vertices; v++) {
-        size_t end = starts[v];
-        std::sort(others.begin() + first, others.begin() + end);
-        for (; first < end; first++) {
-            faces[3 * first] = static_cast<int32_t>(v);
-            faces[3 * first + 1] = static_cast<int32_t>(others[first] >> 32);
-            faces[3 * first + 2] = static_cast<int32_t>(others[first]);
-        }
-    }
+    previews_.add(std::move(preview)); // all of it is there
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA

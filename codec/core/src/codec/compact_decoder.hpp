@@ -7,40 +7,25 @@
 #pragma once
 
 #include "codec/effort_layers.hpp"
-#include "stream/header.hpp"
+#include "codec/slice_shifts.hpp"
 #include "surface/display_filter.hpp"
+
+#include <algorithm>
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-// What a client draws.
-struct Shown {
-    explicit Shown(Budget& budget) : positions(budget), faces(budget) {}
-    Array<double> positions; // three for each vertex, in finest steps
-    Array<int32_t> faces;    // three corners each, the least one first, in lexicographic order
-};
-
-// Which packet a failure is about; it may be an earlier one, which had to wait.
-struct PacketPlace {
-    PacketKind kind = PacketKind::base;
-    uint32_t level = 0;
-    uint32_t slice = 0;
-};
-
-class CompactDecoder {
+class CompactDecoder final : public StreamDecoder {
 public:
-    CompactDecoder(const Header& header, const Limits& limits, Budget& budget);
+    CompactDecoder(const Header& header, const Trained& trained, Budget& budget);
 
-    // Takes one packet. Fails where it has no place in the stream, came before, or is damaged; what was decoded before
-    // stays usable.
-    void push(PacketPlace place, Span<const uint8_t> payload);
-    // The packet that the last failure is about.
-    const PacketPlace& place() const { return place_; }
+    uint64_t available() const override;
+    uint64_t exact() const override;
+    uint64_t map_bytes() const override;
+    void show(uint32_t level, Shown& shown) override;
 
-    // Levels and previews that can be shown, and those of them that are as the encoder made them: bit l for level l.
-    uint64_t available() const;
-    uint64_t exact() const;
-
-    void show(uint32_t level, Shown& shown) const;
+protected:
+    void take(PacketPlace place, Span<const uint8_t> payload) override;
+    void replace(const DecodedDiffs& decoded, Span<const double> values) override;
 
 private:
     struct Preview {
@@ -57,38 +42,35 @@ private:
         Array<uint8_t> payload;
     };
     struct SliceProgress {
-        std::vector<Waiting> waiting;
+        explicit SliceProgress(Budget& budget) : waiting(budget) {}
+        List<Waiting> waiting;
         bool broken = false;
     };
 
     int depth_of(uint32_t level) const { return header_.bits - static_cast<int>(level); }
+    int first_drawn() const { return std::max(header_.compact.base_depth, chain_.first_drawn()); }
     uint32_t coarsest() const { return static_cast<uint32_t>(header_.bits - header_.compact.base_depth); }
-    size_t entry_of(PacketPlace place) const;
+    // Of those that wait, the one that ends at a depth; as many as there are if none does.
+    static size_t find(const List<Waiting>& waiting, int depth);
     void decode_preview(PacketPlace place, Span<const uint8_t> payload);
     void decode_levels();
     void decode_diffs(size_t slice);
-    int reached_depth() const;
 
-    const Header& header_;
-    Limits limits_;
-    Budget& budget_;
+    const Trained& trained_;
     Plan plan_;
     LevelChain chain_;
     std::unique_ptr<DecoderLayers> layers_;
     bool has_base_ = false, broken_ = false;
-    std::vector<Waiting> waiting_; // Map&Conn packets
-    std::vector<SliceProgress> slices_;
-    std::vector<Preview> previews_;
-    Array<uint8_t> taken_; // 1 for each entry of the packet table that came
-    PacketPlace place_;
+    List<Waiting> waiting_; // Map&Conn packets
+    List<SliceProgress> slices_;
+    List<Preview> previews_;
+    List<SliceShifts> shifts_; // of each slice, where Diffs are watched
+    bool told_ = false;        // a Diff of this push told something
 };
 
-// Where to draw vertices of which the middles of known cells are given, in half finest steps, their depths in the fourth
-// lanes; by the faces in `shown`. What was known is used up.
-void draw_known(Span<F32x4> known, int bits, Strength strength, Shown& shown, Budget& budget);
-
-// Faces of a level as they are told to others: each rotated so that its least corner comes first, in lexicographic
-// order.
-void canonical_faces(const Level& level, Array<int32_t>& faces, Budget& budget);
+// Where a decoder draws the vertices of a level when the Diffs down to a depth are there, by the octree that tells the
+// truth: three coordinates for each.
+void show_truth(const Octree& octree, int depth, int known_depth, Strength strength, Span<double> positions,
+                Budget& budget);
 
 } // namespace meshtide::inline MESHTIDE_ISA

@@ -33,7 +33,7 @@ MESHTIDE_INLINE void transpose(F32x4& a, F32x4& b, F32x4& c, F32x4& d) {
 MESHTIDE_INLINE F32x4 inverted(F32x4 offset) { return offset * F32x4{1, 1, 1, -1}; }
 
 // The sum of each one's lanes, in one vector.
-MESHTIDE_INLINE F32x4 totals(F32x4 a, F32x4 b, F32x4 c, F32x4 d) {
+MESHTIDE_ONCE F32x4 totals(F32x4 a, F32x4 b, F32x4 c, F32x4 d) {
     transpose(a, b, c, d);
     return (a + b) + (c + d);
 }
@@ -49,78 +49,61 @@ struct Expert {
     int trust = 0;
 };
 
-// Guesses of one kind, with room to fill the last four.
-template <int ROOM>
-class Guesses {
-public:
-    MESHTIDE_INLINE void add(F32x4 guess) { list_[count_++] = guess; }
+// One more than how often (1 + s / 5)^2 can be halved while it is at least 2: its exponent.
+MESHTIDE_INLINE int trust_of(float square) {
+    float w = 1 + 0.2f * square;
+    int halvings = (std::bit_cast<int32_t>(w * w) >> 23) - 127;
+    return halvings > 6 ? 7 : halvings + 1;
+}
 
-    // Their mean: each counts by how near to the cell it lies, and by how many of its vertices are known. Doubt is the
-    // weight's divisor, less `per_known` for each known vertex. The first and the last `skipped` ones do not count.
-    MESHTIDE_INLINE Expert conclude(float doubt, float per_known, int skipped = 0) {
-        int end = count_ - skipped;
-        if (end <= skipped) return {};
-        for (int i = 0; i < 3; i++) list_[end + i] = F32x4{1e6f, 1e6f, 1e6f, 0}; // next to nothing
-        F32x4 sum_x = {}, sum_y = {}, sum_z = {}, weights = {}, nearest = splat(1e9f);
-        for (int i = skipped; i < end; i += 4) {
-            F32x4 x = list_[i], y = list_[i + 1], z = list_[i + 2], known = list_[i + 3];
-            transpose(x, y, z, known);
-            F32x4 d = distance(x, y, z), k = d + 0.3f;
-            F32x4 weight = splat(1) / (k * k * (splat(doubt) - known * per_known));
-            sum_x += weight * x;
-            sum_y += weight * y;
-            sum_z += weight * z;
-            weights += weight;
-            nearest = least(nearest, d);
-        }
-        F32x4 sum = totals(sum_x, sum_y, sum_z, weights);
-        nearest = least(nearest, __builtin_shufflevector(nearest, nearest, 2, 3, 0, 1));
-        nearest = least(nearest, __builtin_shufflevector(nearest, nearest, 1, 0, 3, 2));
-        return {sum * (1 / sum[3]), trust_of(nearest[0])};
+// The mean of guesses, from `begin` to `end`: each counts by how near to the cell's middle it lies, and by how many of
+// its vertices are known. Doubt is the weight's divisor, less `per_known` for each known vertex. There is room for
+// three more behind them.
+MESHTIDE_ONCE Expert conclude(F32x4* begin, F32x4* end, float doubt, float per_known) {
+    if (end <= begin) return {};
+    for (int i = 0; i < 3; i++) end[i] = F32x4{1e6f, 1e6f, 1e6f, 0}; // next to nothing
+    F32x4 sum_x = {}, sum_y = {}, sum_z = {}, weights = {}, nearest = splat(1e12f);
+    for (; begin < end; begin += 4) {
+        F32x4 x = begin[0], y = begin[1], z = begin[2], known = begin[3];
+        transpose(x, y, z, known);
+        F32x4 square = x * x + y * y + z * z, k = square + 12.0f;
+        F32x4 weight = splat(1) / (k * k * (splat(doubt) - known * per_known));
+        sum_x += weight * x;
+        sum_y += weight * y;
+        sum_z += weight * z;
+        weights += weight;
+        nearest = least(nearest, square);
     }
-
-private:
-    // How far guesses lie from where the bits can take the vertex.
-    static MESHTIDE_INLINE F32x4 distance(F32x4 x, F32x4 y, F32x4 z) {
-        x = magnitude(x), y = magnitude(y), z = magnitude(z);
-        F32x4 p = greatest(x - 2.0f, splat(0)), q = greatest(y - 2.0f, splat(0)), r = greatest(z - 2.0f, splat(0));
-        return (p * p + q * q + r * r) * 0.25f + (x + y + z) * 0.025f;
-    }
-    // One more than how often (1 + 4 d)^2 can be halved while it is at least 2: its exponent.
-    static MESHTIDE_INLINE int trust_of(float d) {
-        float w = 1 + 4 * d;
-        int halvings = (std::bit_cast<int32_t>(w * w) >> 23) - 127;
-        return halvings > 6 ? 7 : halvings + 1;
-    }
-
-    F32x4 list_[ROOM + 3];
-    int count_ = 0;
-};
+    F32x4 sum = totals(sum_x, sum_y, sum_z, weights);
+    nearest = least(nearest, __builtin_shufflevector(nearest, nearest, 2, 3, 0, 1));
+    nearest = least(nearest, __builtin_shufflevector(nearest, nearest, 1, 0, 3, 2));
+    return {sum * (1 / sum[3]), trust_of(nearest[0])};
+}
 
 // Midpoints of opposite members.
 MESHTIDE_INLINE Expert guess_midpoints(const Offsets& ring) {
-    Guesses<RING_ROOM> guesses;
-    int half = ring.count >> 1;
+    F32x4 guesses[RING_ROOM + 3], *end = guesses;
+    const F32x4* members = &ring[0];
+    int half = ring.count >> 1, odd = ring.count & 1;
     if (ring.closed) {
-        int count = (ring.count & 1) != 0 ? ring.count : half;
-        for (int i = 0, j = half; i < count; i++) {
-            guesses.add((ring[i] + ring[j]) * 0.5f);
-            j = j + 1 == ring.count ? 0 : j + 1;
-        }
+        // With an odd number of them each has two that are opposite; those after it first.
+        for (const F32x4* one = members; one < members + half + odd; one++) *end++ = (one[0] + one[half]) * 0.5f;
+        if (odd != 0)
+            for (const F32x4* one = members; one < members + half; one++) *end++ = (one[0] + one[half + 1]) * 0.5f;
     } else {
-        for (int i = 0; i < half; i++) guesses.add((ring[i] + ring[ring.count - 1 - i]) * 0.5f);
+        for (int i = 0; i < half; i++) *end++ = (ring[i] + ring[ring.count - 1 - i]) * 0.5f;
     }
-    return guesses.conclude(5, 4);
+    return conclude(guesses, end, 5, 4);
 }
 
 // Midpoints of any two of the first members.
 MESHTIDE_INLINE Expert guess_pairs(const Offsets& ring) {
     constexpr int LIMIT = 10;
-    Guesses<LIMIT*(LIMIT - 1) / 2> guesses;
+    F32x4 guesses[LIMIT * (LIMIT - 1) / 2 + 3], *end = guesses;
     int count = ring.count < LIMIT ? ring.count : LIMIT;
     for (int i = 0; i < count; i++)
-        for (int j = i + 1; j < count; j++) guesses.add((ring[i] + ring[j]) * 0.5f);
-    return guesses.conclude(5, 4);
+        for (int j = i + 1; j < count; j++) *end++ = (ring[i] + ring[j]) * 0.5f;
+    return conclude(guesses, end, 5, 4);
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA

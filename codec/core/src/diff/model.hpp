@@ -10,17 +10,20 @@ namespace meshtide::inline MESHTIDE_ISA {
 // How many places each context has, and how many neurons there are of each kind; see questions.hpp.
 template <Effort effort>
 struct DiffShape {
-    static constexpr bool high = effort == Effort::high;
-    static constexpr int groups = high ? 4 : 2, contexts = 4 * groups, neurons = high ? 8 : 4;
+    static constexpr auto high = IS_HIGH<effort>;
+    static constexpr auto groups = BY_EFFORT<effort, 1, 4>;
+    static constexpr auto neurons = BY_EFFORT<effort, 2, 8>;
+    static constexpr int most_groups = AT_MOST<effort, 1, 4>;
     static constexpr int JOINT_PLACES = 4 * 4 * 7 * 8 * 5;
     static constexpr int context_sizes[16] = {
-        12 * 10 * 2 * 6, 5 * 4 * 3 * 4 * 2, 10 * 8 * 3 * 3 * 5, JOINT_PLACES + 8 * 9 * 2, // plane, alignment, across
-        16 * 8 * 4 * 4,  12 * 9 * 8 * 8,    3 * 3 * 16 * 8,     16 * 7 * 7,               // midpoint, ring
-        24 * 4 * 24,     12 * 9 * 9 * 4,    5 * 5 * 3 * 3 * 4,  16 * 9 * 9,               // surface
-        16 * 8 * 4 * 4,  12 * 9 * 8 * 8,    16 * 8 * 4 * 4,     12 * 9 * 4 * 4,           // pairs, ring, far mean
+        12 * 10 * 2 * 6,   JOINT_PLACES + 8 * 9 * 2, 3 * 3 * 16 * 8,    16 * 7 * 7,     // plane, joint, ring, across
+        5 * 4 * 3 * 4 * 2, 10 * 8 * 3 * 3 * 5,       16 * 8 * 4 * 4,    12 * 9 * 8 * 8, // alignment, midpoint
+        24 * 4 * 24,       12 * 9 * 9 * 4,           5 * 5 * 3 * 3 * 4, 16 * 9 * 9,     // surface
+        16 * 8 * 4 * 4,    12 * 9 * 8 * 8,           16 * 8 * 4 * 4,    12 * 9 * 4 * 4, // pairs, ring, far mean
     };
     static constexpr int neuron_sizes[8] = {
-        24 * 4,    9 * 3 * 3, 8 * 8, 16 * 3,    // errors, alignment, trust, members
+        24 * 4,    9 * 3 * 3,                   // errors, alignment
+        8 * 8,     16 * 3,                      // trust, members
         3 * 8 * 3, 24 * 4,    8 * 8, 5 * 5 * 3, // age, surface, pairs, alignment with the patch
     };
 
@@ -29,25 +32,25 @@ struct DiffShape {
     }
     static constexpr int first_place(int context) { return sum(context_sizes, context); }
     static constexpr int first_neuron(int kind) { return sum(neuron_sizes, kind); }
-    static constexpr size_t context_count = static_cast<size_t>(sum(context_sizes, contexts));
-    static constexpr size_t neuron_count = static_cast<size_t>(sum(neuron_sizes, neurons));
+    static constexpr auto context_count = BY_EFFORT<effort, sum(context_sizes, 4), sum(context_sizes, 16)>;
+    static constexpr auto neuron_count = BY_EFFORT<effort, sum(neuron_sizes, 2), sum(neuron_sizes, 8)>;
     static constexpr size_t final_neuron_count = 3 * 8;
 };
 
 template <Effort effort>
 struct DiffModel {
     using Shape = DiffShape<effort>;
-    using DiffMixer = Mixer<Shape::groups, Shape::neurons, 4>;
+    using DiffMixer = EffortMixer<effort, FixedShape<1, 2, 4, 3>, FixedShape<4, 8, 4>>;
 
     // As if there had been no training.
     explicit DiffModel(Budget& budget) : contexts(budget), weights(budget), final_weights(budget) {
-        constexpr auto lanes = static_cast<size_t>(DiffMixer::lanes);
-        contexts.assign(Shape::context_count, Context{});
-        weights.assign(Shape::neuron_count * lanes, 0);
+        const auto lanes = static_cast<size_t>(DiffMixer::lanes);
+        contexts.assign(static_cast<size_t>(Shape::context_count), Context{});
+        weights.assign(static_cast<size_t>(Shape::neuron_count) * lanes, 0);
         for (size_t i = 0; i < weights.size(); i++)
-            if (i % lanes < lanes - 8 && (i & 8) == 0)
-                weights[i] = WEIGHT_ONE / (6 * Shape::groups); // what is stretched
-        final_weights.assign(Shape::final_neuron_count * 8, WEIGHT_ONE / Shape::neurons);
+            if (i % lanes < lanes - 8 && (i & 4) == 0)
+                weights[i] = static_cast<int16_t>(WEIGHT_ONE / (3 * Shape::groups)); // what is stretched
+        final_weights.assign(Shape::final_neuron_count * 8, static_cast<int16_t>(WEIGHT_ONE / Shape::neurons));
     }
     void copy(const DiffModel& other) {
         contexts.copy(other.contexts.span());

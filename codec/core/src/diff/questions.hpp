@@ -32,13 +32,13 @@ MESHTIDE_INLINE I32x4 clamped(F32x4 a, float low, float high) {
 }
 
 // A place in a table, by what it is made of, each with how many values it has; the first one counts most.
-class Places {
+class Place {
 public:
-    MESHTIDE_INLINE Places& add(I32x4 value, int values) {
+    MESHTIDE_INLINE Place& add(I32x4 value, int values) {
         places_ = times(places_, values) + value;
         return *this;
     }
-    MESHTIDE_INLINE Places& add(int value, int values) { return add(splat32(value), values); }
+    MESHTIDE_INLINE Place& add(int value, int values) { return add(splat32(value), values); }
     MESHTIDE_INLINE I32x4 operator+(int offset) const { return places_ + splat32(offset); }
 
 private:
@@ -56,7 +56,7 @@ MESHTIDE_INLINE I32x4 step_class(F32x4 a, int reach) {
     return clamped(a * 2.0f + (r + 0.5f), 0, 2 * r);
 }
 // Nine classes, ever wider to both sides of 0.
-MESHTIDE_INLINE I32x4 signed_class(F32x4 a) {
+MESHTIDE_ONCE I32x4 signed_class(F32x4 a) {
     I32x4 distance = times(magnitude_class(a, 12), 6) >> 4; // 0 to 4
     return choose(is_negative(a), splat32(4) - distance, splat32(4) + distance);
 }
@@ -72,14 +72,14 @@ struct Group {
         places[which] = place;
     }
 };
-MESHTIDE_INLINE void transpose(I32x4* rows) {
+MESHTIDE_ONCE void transpose(I32x4* rows) {
     auto a = reinterpret_cast<F32x4>(rows[0]), b = reinterpret_cast<F32x4>(rows[1]);
     auto c = reinterpret_cast<F32x4>(rows[2]), d = reinterpret_cast<F32x4>(rows[3]);
     transpose(a, b, c, d);
     rows[0] = reinterpret_cast<I32x4>(a), rows[1] = reinterpret_cast<I32x4>(b);
     rows[2] = reinterpret_cast<I32x4>(c), rows[3] = reinterpret_cast<I32x4>(d);
 }
-MESHTIDE_INLINE Group transposed(Group group) {
+MESHTIDE_ONCE Group transposed(Group group) {
     transpose(group.places);
     transpose(group.signs);
     return group;
@@ -102,35 +102,42 @@ template <Effort effort>
 class Asking {
 public:
     using Shape = DiffShape<effort>;
-    static constexpr bool high = effort == Effort::high;
+    static constexpr auto high = IS_HIGH<effort>;
+    static constexpr bool perhaps_high = effort != Effort::standard;
 
     MESHTIDE_INLINE Asking(const Surroundings& seen, const WideView& wide, const Reflection& reflection,
                            int mirror_axis, int age)
         : seen_(seen), wide_(wide), reflection_(reflection), mirror_axis_(mirror_axis), age_(age) {
         steep_ = truncate(magnitude(seen.normal) * 3.999f);
-        if constexpr (high) slope_ = truncate(magnitude(wide.surface.normal) * 3.999f);
-        set_alignment();
+        if (high) slope_ = truncate(magnitude(wide.surface.normal) * 3.999f);
         set_experts();
-        if constexpr (high) set_pairs();
+        if constexpr (perhaps_high)
+            if (high) {
+                set_more();
+                set_pairs();
+            }
         set_numbers();
         set_neurons();
     }
 
-    // Contexts 0, 2, 3 and those of the surface, and two of the numbers.
+    // Contexts 0, 1, 5 and those of the surface, and two of the numbers.
     MESHTIDE_INLINE void aim(F32x4 plane, F32x4 quadric) {
         Group group = first_;
         set_plane(group, plane);
-        set_across(group, plane);
         if (reflection_.state == 0)
             set_joint(group, plane);
         else
             set_mirrored(group);
         groups_[0] = transposed(group);
         numbers_[0] = number(plane);
-        if constexpr (high) {
-            set_surface(plane, quadric);
-            numbers_[7] = number(quadric);
-        }
+        if constexpr (perhaps_high)
+            if (high) {
+                group = second_;
+                set_across(group, plane);
+                groups_[1] = transposed(group);
+                set_surface(plane, quadric);
+                numbers_[7] = number(quadric);
+            }
         for (int k = 0; k < 8; k++) by_axis_[k] = numbers_[k];
         transpose(by_axis_);
         transpose(by_axis_ + 4);
@@ -142,7 +149,7 @@ public:
             question.opposed[g] = pack(groups_[g].signs[axis], groups_[g].signs[axis]);
         }
         question.numbers = pack(by_axis_[axis], by_axis_[4 + axis]);
-        for (int j = 0; j < Shape::neurons; j += 4) store(question.neurons + j, neurons_[j + axis]);
+        for (int j = 0; j < DiffModel<effort>::DiffMixer::rows; j += 4) store(question.neurons + j, neurons_[j + axis]);
         question.final_neuron = static_cast<uint32_t>(seen_.rank[axis] * 8 + age_);
     }
 
@@ -151,71 +158,69 @@ private:
 
     MESHTIDE_INLINE void set_plane(Group& group, F32x4 plane) const {
         I32x4 alike = (plane * seen_.far_mean > splat(0)) & splat32(1);
-        Places places;
+        Place places;
         places.add(magnitude_class(plane, 12), 12).add(magnitude_class(seen_.far_mean, 10, 1.5f), 10).add(alike, 2);
         group.set(0, is_negative(plane), places.add(seen_.error_class >> 2, 6) + place(0));
-    }
-    // How the members line up with the two coordinates.
-    MESHTIDE_INLINE void set_alignment() {
-        I32x4 below = seen_.below, above = seen_.above;
-        I32x4 sign = (above < below) | ((above == below) & is_negative(seen_.smoothed));
-        I32x4 alike = (negated(seen_.smoothed, sign) > splat(0)) & splat32(1);
-        Places places;
-        places.add(least(greatest(above, below), 4), 5).add(least(least(above, below), 3), 4);
-        places.add(least(seen_.level, 2), 3).add(magnitude_class(seen_.smoothed, 4), 4).add(alike, 2);
-        first_.set(1, sign, places + place(1));
-    }
-    MESHTIDE_INLINE void set_across(Group& group, F32x4 plane) const {
-        F32x4 across = seen_.across.offset;
-        I32x4 sign = is_negative(across), ahead = clamped(negated(plane, sign) * 2.0f + 2.5f, 0, 4);
-        Sides sides(seen_.below, seen_.above, sign, 2);
-        Places places;
-        places.add(magnitude_class(across, 10), 10).add(seen_.across.trust, 8);
-        group.set(2, sign, places.add(sides.agreeing, 3).add(sides.opposing, 3).add(ahead, 5) + place(2));
     }
     MESHTIDE_INLINE void set_joint(Group& group, F32x4 plane) const {
         const Expert &midpoint = seen_.midpoint, &ring = seen_.in_ring;
         F32x4 guess = midpoint.trust != 0 ? midpoint.offset : ring.trust != 0 ? ring.offset : plane;
         I32x4 sign = is_negative(guess);
         Sides sides(seen_.below, seen_.above, sign, 3);
-        Places places;
+        Place places;
         places.add(sides.agreeing, 4).add(sides.opposing, 4).add(step_class(negated(plane, sign), 3), 7);
         places.add(magnitude_class(guess, 8), 8).add(midpoint.trust < 4 ? midpoint.trust : 4, 5);
-        group.set(3, sign, places + place(3));
+        group.set(1, sign, places + place(1));
     }
     MESHTIDE_INLINE void set_mirrored(Group& group) const {
         F32x4 mirrored = reflection_.offset;
         I32x4 on_axis = (I32x4{0, 1, 2, 3} == splat32(mirror_axis_)) & splat32(1);
-        Places places;
+        Place places;
         places.add(clamped(magnitude(mirrored) * 2.0f + 0.5f, 0, 7), 8).add(reflection_.state, Reflection::STATES);
-        group.set(3, is_negative(mirrored), places.add(on_axis, 2) + (place(3) + Shape::JOINT_PLACES));
+        group.set(1, is_negative(mirrored), places.add(on_axis, 2) + (place(1) + Shape::JOINT_PLACES));
     }
 
     MESHTIDE_INLINE void set_experts() {
         F32x4 ring = seen_.in_ring.offset, midpoint = seen_.midpoint.offset, across = seen_.across.offset;
-        I32x4 ring_sign = is_negative(ring), sign = is_negative(midpoint);
-        Group group;
-        Places alone, with_across;
-        alone.add(magnitude_class(midpoint, 16), 16).add(seen_.midpoint.trust, 8);
-        group.set(0, sign, alone.add(steep_, 4).add(seen_.known_class, 4) + place(4));
-        with_across.add(magnitude_class(midpoint, 12), 12).add(step_class(negated(seen_.across_mean, sign), 4), 9);
-        group.set(1, sign, with_across.add(age_, 8).add(seen_.midpoint.trust, 8) + place(5));
-        Sides sides(seen_.below, seen_.above, ring_sign, 2);
-        Places in_ring;
+        I32x4 sign = is_negative(ring);
+        Sides sides(seen_.below, seen_.above, sign, 2);
+        Place in_ring, all;
         in_ring.add(sides.agreeing, 3).add(sides.opposing, 3);
-        group.set(2, ring_sign, in_ring.add(magnitude_class(ring, 16), 16).add(seen_.in_ring.trust, 8) + place(6));
+        first_.set(2, sign, in_ring.add(magnitude_class(ring, 16), 16).add(seen_.in_ring.trust, 8) + place(2));
         sign = is_negative(across);
-        Places all;
         all.add(magnitude_class(across, 16), 16);
         all.add(step_class(negated(ring, sign), 3), 7).add(step_class(negated(midpoint, sign), 3), 7);
-        group.set(3, sign, all + place(7));
-        groups_[1] = transposed(group);
+        first_.set(3, sign, all + place(3));
     }
 
+    // How the members line up with the two coordinates, and what the midpoints say.
+    MESHTIDE_INLINE void set_more() {
+        I32x4 below = seen_.below, above = seen_.above;
+        I32x4 sign = (above < below) | ((above == below) & is_negative(seen_.smoothed));
+        I32x4 alike = (negated(seen_.smoothed, sign) > splat(0)) & splat32(1);
+        Place aligned, alone, with_across;
+        aligned.add(least(greatest(above, below), 4), 5).add(least(least(above, below), 3), 4);
+        aligned.add(least(seen_.level, 2), 3).add(magnitude_class(seen_.smoothed, 4), 4).add(alike, 2);
+        second_.set(0, sign, aligned + place(4));
+        F32x4 midpoint = seen_.midpoint.offset;
+        sign = is_negative(midpoint);
+        alone.add(magnitude_class(midpoint, 16), 16).add(seen_.midpoint.trust, 8);
+        second_.set(2, sign, alone.add(steep_, 4).add(seen_.known_class, 4) + place(6));
+        with_across.add(magnitude_class(midpoint, 12), 12).add(step_class(negated(seen_.across_mean, sign), 4), 9);
+        second_.set(3, sign, with_across.add(age_, 8).add(seen_.midpoint.trust, 8) + place(7));
+    }
+    MESHTIDE_INLINE void set_across(Group& group, F32x4 plane) const {
+        F32x4 across = seen_.across.offset;
+        I32x4 sign = is_negative(across), ahead = clamped(negated(plane, sign) * 2.0f + 2.5f, 0, 4);
+        Sides sides(seen_.below, seen_.above, sign, 2);
+        Place places;
+        places.add(magnitude_class(across, 10), 10).add(seen_.across.trust, 8);
+        group.set(1, sign, places.add(sides.agreeing, 3).add(sides.opposing, 3).add(ahead, 5) + place(5));
+    }
     MESHTIDE_INLINE void set_surface(F32x4 plane, F32x4 quadric) {
         I32x4 sign = is_negative(quadric), below = wide_.below, above = wide_.above;
         Group group;
-        Places alone, with_others;
+        Place alone, with_others;
         alone.add(magnitude_class(quadric, 24), 24).add(slope_, 4).add(wide_.surface_class, ERROR_CLASSES);
         group.set(0, sign, alone + place(8));
         with_others.add(magnitude_class(quadric, 12), 12).add(step_class(negated(plane, sign), 4), 9);
@@ -225,14 +230,14 @@ private:
         I32x4 aligned_sign = (above < below) | ((above == below) & sign);
         I32x4 nearing = (negated(quadric, aligned_sign) > splat(0)) & magnitude_class(quadric, 4);
         Sides sides(seen_.below, seen_.above, aligned_sign, 2);
-        Places aligned;
+        Place aligned;
         aligned.add(least(greatest(above, below), 4), 5).add(least(least(above, below), 4), 5);
         aligned.add(sides.agreeing, 3).add(sides.opposing, 3).add(nearing, 4);
         group.set(2, aligned_sign, aligned + place(10));
 
         F32x4 across = seen_.across.offset;
         sign = is_negative(across);
-        Places with_across;
+        Place with_across;
         with_across.add(magnitude_class(across, 16), 16);
         with_across.add(signed_class(negated(quadric, sign)), 9)
             .add(signed_class(negated(wide_.pairs.offset, sign)), 9);
@@ -243,7 +248,7 @@ private:
         F32x4 pairs = wide_.pairs.offset, ring = seen_.in_ring.offset;
         I32x4 sign = is_negative(pairs), ring_sign = is_negative(ring), far_sign = is_negative(seen_.far_mean);
         Group group;
-        Places alone, with_ring, in_ring, far;
+        Place alone, with_ring, in_ring, far;
         alone.add(magnitude_class(pairs, 16), 16).add(wide_.pairs.trust, 8);
         group.set(0, sign, alone.add(slope_, 4).add(seen_.known_class, 4) + place(12));
         with_ring.add(magnitude_class(pairs, 12), 12).add(signed_class(negated(ring, sign)), 9);
@@ -267,36 +272,38 @@ private:
     }
 
     MESHTIDE_INLINE void set_neurons() {
-        I32x4 rank = seen_.rank, below = least(seen_.below, 2), above = least(seen_.above, 2);
-        int members = seen_.ring.count < 15 ? seen_.ring.count : 15;
-        Places by_alignment;
+        I32x4 below = least(seen_.below, 2), above = least(seen_.above, 2);
+        Place by_alignment;
         by_alignment.add(reflection_.state, Reflection::STATES).add(above, 3).add(below, 3);
         neurons_[0] = splat32(seen_.error_class * 4 + seen_.known_class + Shape::first_neuron(0));
         neurons_[1] = by_alignment + Shape::first_neuron(1);
-        neurons_[2] = splat32(seen_.in_ring.trust * 8 + seen_.midpoint.trust + Shape::first_neuron(2));
-        neurons_[3] = rank + splat32(members * 3 + Shape::first_neuron(3));
+        neurons_[2] = neurons_[3] = splat32(0);
+        if constexpr (perhaps_high)
+            if (high) {
+                int members = seen_.ring.count < 15 ? seen_.ring.count : 15;
+                neurons_[2] = splat32(seen_.in_ring.trust * 8 + seen_.midpoint.trust + Shape::first_neuron(2));
+                neurons_[3] = seen_.rank + splat32(members * 3 + Shape::first_neuron(3));
+                int trust = reflection_.state == 0 ? 0 : reflection_.state >= Reflection::TRUSTED ? 2 : 1;
+                Place by_age, by_far;
+                by_age.add(seen_.rank, 3).add(age_, 8).add(trust, 3);
+                by_far.add(least(wide_.below, 4), 5).add(least(wide_.above, 4), 5).add(seen_.rank, 3);
+                neurons_[4] = by_age + Shape::first_neuron(4);
+                neurons_[5] = slope_ + splat32(wide_.surface_class * 4 + Shape::first_neuron(5));
+                neurons_[6] = splat32(wide_.pairs.trust * 8 + seen_.across.trust + Shape::first_neuron(6));
+                neurons_[7] = by_far + Shape::first_neuron(7);
+                transpose(neurons_ + 4);
+            }
         transpose(neurons_);
-        if constexpr (high) {
-            int trust = reflection_.state == 0 ? 0 : reflection_.state >= Reflection::TRUSTED ? 2 : 1;
-            Places by_age, by_far;
-            by_age.add(rank, 3).add(age_, 8).add(trust, 3);
-            by_far.add(least(wide_.below, 4), 5).add(least(wide_.above, 4), 5).add(rank, 3);
-            neurons_[4] = by_age + Shape::first_neuron(4);
-            neurons_[5] = slope_ + splat32(wide_.surface_class * 4 + Shape::first_neuron(5));
-            neurons_[6] = splat32(wide_.pairs.trust * 8 + seen_.across.trust + Shape::first_neuron(6));
-            neurons_[7] = by_far + Shape::first_neuron(7);
-            transpose(neurons_ + 4);
-        }
     }
 
     const Surroundings& seen_;
     const WideView& wide_;
     const Reflection& reflection_;
     int mirror_axis_, age_;
-    I32x4 steep_, slope_ = {}; // classes of the normals' components
-    Group first_ = {};         // not transposed, what does not depend on the plane
-    Group groups_[Shape::groups];
-    I32x4 numbers_[8], by_axis_[8], neurons_[Shape::neurons];
+    I32x4 steep_, slope_ = {};       // classes of the normals' components
+    Group first_ = {}, second_ = {}; // not transposed, what does not depend on the plane
+    Group groups_[Shape::most_groups];
+    I32x4 numbers_[8], by_axis_[8], neurons_[DiffModel<effort>::DiffMixer::most_rows];
 };
 
 } // namespace meshtide::inline MESHTIDE_ISA

@@ -1,5 +1,7 @@
 #include "diff/slice.hpp"
 
+#include "mesh/morton.hpp"
+
 #include <algorithm>
 
 namespace meshtide::inline MESHTIDE_ISA {
@@ -11,10 +13,7 @@ uint64_t code_of(const Level& level, size_t vertex, int bits) {
     int side = bits - level.cell_depths[vertex];
     uint32_t steps[3];
     for (int k = 0; k < 3; k++) steps[k] = static_cast<uint32_t>(level.centres[vertex][k]) >> (side + 1) << side;
-    uint64_t code = 0;
-    for (int i = bits - 1; i >= 0; i--)
-        for (uint32_t step : steps) code = code << 1 | (step >> i & 1);
-    return code;
+    return morton_code(steps[0], steps[1], steps[2]);
 }
 
 size_t first_not_before(const Level& level, uint64_t code, int bits) {
@@ -53,8 +52,8 @@ void DiffSlice::enter(const Level& level) {
     Run old = run_;
     run_ = run_of(level);
     size_t count = run_.count();
-    rows_.resize(count);
-    leaf_depths_.resize(count);
+    rows_.renew(count);
+    leaf_depths_.renew(count);
     if (mirror_.exists()) {
         partners_.assign(count, NONE);
         likenesses_.assign(count, Likeness::undecided);
@@ -82,8 +81,18 @@ void DiffSlice::enter(const Level& level) {
     gather_rings(level);
 }
 
+void DiffSlice::rest() {
+    if (run_.count() < ROOMY) return;
+    old_rows_ = Array<DiffRow>(budget_);
+    old_leaf_depths_ = Array<uint8_t>(budget_);
+    ring_starts_ = Array<uint32_t>(budget_);
+    neighbours_ = Array<DiffNeighbour>(budget_);
+    closed_ = Array<uint8_t>(budget_);
+    shares_ = Array<float>(budget_);
+}
+
 // A vertex as a row. Another slice's gets one of its own each time that a ring touches it.
-int32_t DiffSlice::row_of(const Level& level, int32_t vertex) {
+MESHTIDE_INLINE int32_t DiffSlice::row_of(const Level& level, int32_t vertex) {
     size_t place = static_cast<size_t>(vertex) - run_.first;
     if (place < run_.count()) return static_cast<int32_t>(place);
     F32x4 position = level.centres[static_cast<size_t>(vertex)];
@@ -91,17 +100,74 @@ int32_t DiffSlice::row_of(const Level& level, int32_t vertex) {
     return static_cast<int32_t>(rows_.size() - 1);
 }
 
+// The fan of the vertex' head, as walk_ring has it; kept among the neighbours, or only added up. Where it is kept, what
+// lies across its edges is looked up as well, so it is a walk of its own.
+template <bool keeping>
+MESHTIDE_INLINE DiffSlice::RingSum DiffSlice::gather_ring(const Level& level, size_t vertex) {
+    RingSum ring;
+    Span<const int32_t> corners = level.corners.span(), twins = level.twins.span();
+    auto corner = [&](int32_t h) { return corners[static_cast<size_t>(h)]; };
+    [[maybe_unused]] DiffNeighbour* kept = nullptr;
+    if constexpr (keeping) kept = neighbours_.extend(RING_LIMIT + 1);
+    auto add = [&](int32_t member, int32_t across) {
+        size_t place = static_cast<size_t>(member) - run_.first;
+        ring.sum += place < run_.count() ? rows_[place].position : level.centres[static_cast<size_t>(member)];
+        if constexpr (keeping)
+            kept[ring.members] = {row_of(level, member), across == NONE ? NONE : row_of(level, across)};
+        ring.members++;
+    };
+    int32_t head = level.heads[vertex], h = head;
+    while (h != NONE && ring.members < RING_LIMIT) {
+        int32_t ahead = next_half_edge(h), before = previous_half_edge(h), across = NONE;
+        if constexpr (keeping) {
+            int32_t back = twins[static_cast<size_t>(ahead)];
+            if (back != NONE) across = corner(previous_half_edge(back));
+        }
+        add(corner(ahead), across);
+        h = twins[static_cast<size_t>(before)];
+        if (h == head) {
+            ring.closed = true;
+            break;
+        }
+        if (h == NONE) add(corner(before), NONE); // a border: the last member has no face behind it
+    }
+    if constexpr (keeping) {
+        if (!ring.closed && ring.members != 0) kept[ring.members - 1].across = NONE; // a member after it is left out
+        neighbours_.resize(neighbours_.size() - (RING_LIMIT + 1 - static_cast<size_t>(ring.members)));
+    }
+    return ring;
+}
+
+// Faces do not stand in the order of the vertices, and each step of a walk waits for the one before it. So the faces at
+// the heads of later vertices are fetched early, and then those beside them.
+MESHTIDE_INLINE void fetch_faces(const Level& level, size_t vertex) {
+    constexpr size_t EARLIER = 24, EARLY = 12;
+    if (vertex + EARLIER >= level.vertex_count()) return;
+    auto fetch = [&](int32_t h) {
+        if (h == NONE) return;
+        __builtin_prefetch(&level.corners[static_cast<size_t>(h)]);
+        __builtin_prefetch(&level.twins[static_cast<size_t>(h)]);
+    };
+    fetch(level.heads[vertex + EARLIER]);
+    int32_t head = level.heads[vertex + EARLY];
+    if (head == NONE) return;
+    fetch(level.twins[static_cast<size_t>(previous_half_edge(head))]);
+    fetch(level.twins[static_cast<size_t>(next_half_edge(head))]);
+    fetch(level.twins[static_cast<size_t>(head)]);
+}
+
 // The Laplacians, and the rings of the vertices that have bits to come at this level.
 void DiffSlice::gather_rings(const Level& level) {
     size_t count = run_.count();
     bool last = std::none_of(leaf_depths_.begin(), leaf_depths_.end(), [](uint8_t depth) { return depth == NO_LEAF; });
-    ring_starts_.resize(count + 1);
-    closed_.resize(count);
-    shares_.resize(count);
+    ring_starts_.renew(count + 1);
+    closed_.renew(count);
+    shares_.renew(count);
     neighbours_.clear();
     ring_starts_[0] = 0;
     for (size_t i = 0; i < count; i++) {
         size_t vertex = run_.first + i;
+        fetch_faces(level, vertex);
         RingSum ring = last || leaf_depths_[i] < level.depth ? gather_ring<true>(level, vertex)
                                                              : gather_ring<false>(level, vertex);
         ring_starts_[i + 1] = static_cast<uint32_t>(neighbours_.size());
@@ -111,39 +177,6 @@ void DiffSlice::gather_rings(const Level& level) {
         laplacian[3] = rows_[i].laplacian[3];
         rows_[i].laplacian = laplacian;
     }
-}
-
-// A ring as walk_ring has it; kept among the neighbours, or only added up.
-template <bool keeping>
-DiffSlice::RingSum DiffSlice::gather_ring(const Level& level, size_t vertex) {
-    RingSum ring;
-    int32_t head = level.heads[vertex], h = head;
-    auto add = [&](int32_t h_to, int32_t back) {
-        int32_t member = level.corners[static_cast<size_t>(h_to)];
-        ring.members++;
-        size_t place = static_cast<size_t>(member) - run_.first;
-        if constexpr (keeping) {
-            int32_t across = back == NONE ? NONE : level.corners[static_cast<size_t>(previous_half_edge(back))];
-            DiffNeighbour neighbour = {row_of(level, member), NONE};
-            if (across != NONE) neighbour.across = row_of(level, across);
-            neighbours_.push(neighbour);
-            ring.sum += rows_[static_cast<size_t>(neighbour.member)].position;
-        } else {
-            ring.sum += place < run_.count() ? rows_[place].position : level.centres[static_cast<size_t>(member)];
-        }
-    };
-    while (h != NONE && ring.members < RING_LIMIT) {
-        int32_t ahead = next_half_edge(h), before = previous_half_edge(h);
-        add(ahead, keeping ? level.twins[static_cast<size_t>(ahead)] : NONE);
-        h = level.twins[static_cast<size_t>(before)];
-        if (h == head) {
-            ring.closed = true;
-            return ring;
-        }
-        if (h == NONE) add(before, NONE); // a border: the last member has no face behind it
-    }
-    if (keeping && ring.members != 0) neighbours_.back().across = NONE; // a member after it is left out
-    return ring;
 }
 
 void DiffSlice::tell(const Level& level, Span<F32x4> known) const {

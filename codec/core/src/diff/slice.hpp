@@ -6,18 +6,9 @@
 
 #include "base/effort.hpp"
 #include "mesh/level.hpp"
+#include "mesh/mirror_plane.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
-
-// A plane across an axis that takes finest coordinate x to sum - x.
-struct MirrorPlane {
-    int axis = -1; // -1: there is none
-    int32_t sum = 0;
-
-    bool exists() const { return axis >= 0; }
-    // What a coordinate along the axis, in half finest steps, and its image add up to.
-    float doubled() const { return static_cast<float>(2 * (static_cast<int64_t>(sum) + 1)); }
-};
 
 // Which vertices: those whose cell's lowest finest step has a Morton code from `first` on, below `end`.
 struct SliceRange {
@@ -49,6 +40,10 @@ public:
     // Goes on to a level: that of depth 0 first, then always the one after the level that it stands on, all of whose
     // bit planes must have been coded.
     void enter(const Level& level);
+
+    // Gives back what the level before and the rings have taken, where that is much, before the slice enters another
+    // one.
+    void rest();
 
     Budget& budget() const { return budget_; }
 

@@ -44,10 +44,12 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
     ring.count = count;
     F32x4 sum = {}, laplacians = {};
     I32x4 below = {}, level = {}, above = {};
-    for (int i = 0; i < count; i++) {
-        const DiffRow& row = rows[static_cast<size_t>(neighbours[static_cast<size_t>(i)].member)];
+    F32x4* members = ring.room + 1;
+    F32x4* next = members;
+    for (DiffNeighbour neighbour : neighbours) {
+        const DiffRow& row = rows[static_cast<size_t>(neighbour.member)];
         F32x4 offset = (row.position - own.position) * unit;
-        ring.room[i + 1] = offset;
+        *next++ = offset;
         patch.add(offset);
         sum += offset;
         laplacians += row.laplacian;
@@ -57,30 +59,29 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
     }
     seen.below = below, seen.level = level, seen.above = above;
     F32x4 turn = {}, across_sum = {}, across_laplacians = {};
-    float across_count = 0;
-    Guesses<RING_ROOM> in_ring, across;
+    F32x4 in_ring[RING_ROOM + 3], across[RING_ROOM + 3], *in_ring_end = in_ring, *across_end = across;
     if (count != 0) {
-        ring.room[0] = ring.room[count];
-        ring.room[count + 1] = ring.room[1];
-        F32x4 last = ring.closed ? ring.room[0] : ring.room[1];
-        for (int i = 0; i < count; i++) {
-            turn += cross3(last, ring[i]);
-            last = ring[i];
+        // An open ring's first member has none before it: a turn of nothing, and a guess that does not count.
+        members[-1] = members[ring.closed ? count - 1 : 0];
+        members[count] = members[0];
+        const F32x4* here = members;
+        for (DiffNeighbour neighbour : neighbours) {
+            turn += cross3(here[-1], here[0]);
             // Parallelograms: the members beside over this one; this one and the next over what lies across.
-            in_ring.add(ring[i - 1] + ring[i + 1] - inverted(ring[i]));
-            int32_t far = neighbours[static_cast<size_t>(i)].across;
-            if (far == NONE) continue;
-            const DiffRow& row = rows[static_cast<size_t>(far)];
-            F32x4 offset = (row.position - own.position) * unit;
-            across.add(ring[i] + ring[i + 1] - inverted(offset));
-            patch.add(offset);
-            across_sum += offset;
-            across_laplacians += row.laplacian;
-            across_count += 1;
+            *in_ring_end++ = here[-1] + here[1] - inverted(here[0]);
+            if (neighbour.across != NONE) {
+                const DiffRow& row = rows[static_cast<size_t>(neighbour.across)];
+                F32x4 offset = (row.position - own.position) * unit;
+                *across_end++ = here[0] + here[1] - inverted(offset);
+                patch.add(offset);
+                across_sum += offset;
+                across_laplacians += row.laplacian;
+            }
+            here++;
         }
     }
-    auto members = static_cast<float>(count);
-    float share = count != 0 ? 1 / members : 0, across_share = across_count != 0 ? 1 / across_count : 0;
+    auto ring_count = static_cast<float>(count), across_count = static_cast<float>(across_end - across);
+    float share = count != 0 ? 1 / ring_count : 0, across_share = across_count != 0 ? 1 / across_count : 0;
     F32x4 mean = sum * share, spread = laplacians * unit * share;
     seen.across_mean = across_sum * across_share;
     seen.across_spread = across_laplacians * unit * across_share;
@@ -96,12 +97,13 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
     seen.rank = -((order > __builtin_shufflevector(order, order, 1, 2, 0, 3)) +
                   (order > __builtin_shufflevector(order, order, 2, 0, 1, 3)));
 
-    float error = (laplacians[3] + 0.5f * own.laplacian[3]) / (members + 0.5f);
+    float error = (laplacians[3] + 0.5f * own.laplacian[3]) / (ring_count + 0.5f);
     seen.error_class = count != 0 ? error_class(error) : ERROR_CLASSES - 1;
     seen.known_class = static_cast<int>(4 * sum[3]) / (count + 1);
-    seen.in_ring = in_ring.conclude(7, 2, ring.closed ? 0 : 1);
+    int skipped = ring.closed ? 0 : 1; // at either end
+    seen.in_ring = conclude(in_ring + skipped, in_ring_end - skipped, 7, 2);
     seen.midpoint = guess_midpoints(ring);
-    seen.across = across.conclude(7, 2);
+    seen.across = conclude(across, across_end, 7, 2);
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA

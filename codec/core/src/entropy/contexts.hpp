@@ -1,4 +1,4 @@
-// Contexts: what is known of a kind of decision (docs/format.md, Models).
+// Contexts: what is known of a kind of decision (docs/format.md, Contexts).
 //
 // A context has two probabilities of a one, which learn at two speeds. The slow one averages all that it has seen,
 // until its rate has fallen to 1/202; the fast one forgets at a rate of 1/14. Eight bytes, so one line of the cache.
@@ -27,13 +27,18 @@ MESHTIDE_INLINE void learn(uint16_t& probability, uint16_t& rate, uint16_t floor
     rate = static_cast<uint16_t>(next < floor ? floor : next);
 }
 
-// A decision by one context: the mean of its two probabilities.
+MESHTIDE_INLINE uint32_t mean_of(const Context& context) {
+    return (static_cast<uint32_t>(context.slow) + context.fast) >> 1;
+}
+
+// A decision by one context: the mean of its two probabilities. Coders that train watch contexts and what they meet.
 template <class Coder>
-MESHTIDE_INLINE int code_bit(Coder& coder, Context& context, int bit = 0) {
-    uint32_t probability = (static_cast<uint32_t>(context.slow) + context.fast) >> 1;
+MESHTIDE_ONCE int code_bit(Coder& coder, Context& context, int bit = 0) {
+    uint32_t probability = mean_of(context);
     probability = probability < LEAST_PROBABILITY      ? LEAST_PROBABILITY
                   : probability > GREATEST_PROBABILITY ? GREATEST_PROBABILITY
                                                        : probability;
+    if constexpr (requires { coder.watch(context, bit); }) coder.watch(context, bit);
     bit = coder.code(probability, bit);
     learn(context.slow, context.slow_rate, SLOWEST_RATE, bit);
     learn(context.fast, context.fast_rate, FASTEST_FLOOR, bit);

@@ -15,6 +15,8 @@ namespace meshtide::inline MESHTIDE_ISA {
 constexpr uint32_t LEAST_PROBABILITY = 48;
 constexpr uint32_t GREATEST_PROBABILITY = 65488;
 
+constexpr uint32_t WHOLE_RANGE = 0xffffffffu; // before anything is coded; never after
+
 class RangeEncoder {
 public:
     static constexpr bool encoding = true;
@@ -53,6 +55,24 @@ public:
     // How many bytes are certain, for those who want to know what something took.
     size_t size() const { return out_.size() + static_cast<size_t>(waiting_); }
 
+    // Whether anything was coded: what was may take no byte at all.
+    bool has_coded() const { return range_ != WHOLE_RANGE; }
+
+    // Where it is, so that it can return there and code something else.
+    struct Mark {
+        size_t written;
+        uint64_t low, waiting;
+        uint32_t range;
+        uint8_t cache;
+        bool first;
+    };
+    Mark mark() const { return {out_.size(), low_, waiting_, range_, cache_, first_}; }
+    void return_to(const Mark& mark) {
+        out_.resize(mark.written); // what is written stays as it is
+        low_ = mark.low, waiting_ = mark.waiting, range_ = mark.range;
+        cache_ = mark.cache, first_ = mark.first;
+    }
+
 private:
     void shift() {
         auto low = static_cast<uint32_t>(low_);
@@ -70,7 +90,7 @@ private:
 
     Array<uint8_t>& out_;
     uint64_t low_ = 0;
-    uint32_t range_ = 0xffffffffu;
+    uint32_t range_ = WHOLE_RANGE;
     uint8_t cache_ = 0;
     bool first_ = true;
     uint64_t waiting_ = 0; // bytes of 0xff that a carry may still turn
@@ -80,7 +100,8 @@ class RangeDecoder {
 public:
     static constexpr bool encoding = false;
 
-    explicit RangeDecoder(Span<const uint8_t> payload) : next_(payload.begin()), end_(payload.end()) {
+    explicit RangeDecoder(Span<const uint8_t> payload)
+        : begin_(payload.begin()), next_(payload.begin()), end_(payload.end()) {
         for (int i = 0; i < 4; i++) code_ = code_ << 8 | byte();
     }
 
@@ -102,15 +123,19 @@ public:
         return bit;
     }
 
+    // How many bytes were read, which is up to four more than what was decoded needs.
+    size_t offset() const { return static_cast<size_t>(next_ - begin_); }
+
     // A payload must end where its decoder does.
     void finish() const { expect(next_ == end_, "bytes are left over at the end"); }
 
 private:
     uint32_t byte() { return next_ < end_ ? *next_++ : 0; }
 
+    const uint8_t* begin_;
     const uint8_t* next_;
     const uint8_t* end_;
-    uint32_t range_ = 0xffffffffu;
+    uint32_t range_ = WHOLE_RANGE;
     uint32_t code_ = 0;
 };
 

@@ -26,7 +26,7 @@ public:
         numbers_.assign(3 * SIGNED_CONTEXTS, Context{});
     }
 
-    // `fastest` is the slow rate, out of 65536, of a context that was seen as often as counts.
+    // `settled_rate` is the slow rate, out of 65536, of a context that was seen as often as counts.
     template <class Coder>
     void code_contexts(Coder& coder, Span<Context> contexts, uint16_t settled_rate) {
         const uint16_t rates[STATE_RATES] = {

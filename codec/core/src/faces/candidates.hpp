@@ -1,8 +1,9 @@
 // The candidates for the apex of a new face, and what each of them is worth.
 //
-// Candidates come as ranges of vertices, the children of coarse vertices, and are looked at four at a time. Each gets a
-// score, a sum of trained numbers at places that its properties choose (a log-linear model, in 256ths of a doubling),
-// and a weight, two to the power of the score. The scores go on learning: softmax regression, one step a choice.
+// Candidates come as ranges of vertices, the children of coarse vertices. Those that may be the apex are listed, and
+// then looked at four at a time. Each gets a score, a sum of trained numbers at places that its properties choose (a
+// log-linear model, in 256ths of a doubling), and a weight, two to the power of the score. The scores go on learning:
+// softmax regression, one step a choice.
 #pragma once
 
 #include "base/effort.hpp"
@@ -13,8 +14,8 @@
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-constexpr int BLOCK_LIMIT = 24;
-constexpr int LANE_LIMIT = 4 * BLOCK_LIMIT;
+constexpr int SEEN_LIMIT = 96;        // vertices that a gate looks at
+constexpr int LANES = SEEN_LIMIT + 4; // with room behind the last one
 
 // Where a candidate comes from.
 enum Kind {
@@ -40,6 +41,9 @@ struct ScorePlaces<Effort::standard, true> {
     static constexpr int VALENCE = ENDS + 4 * 128;        // 16 corner + faces
     static constexpr int APART = VALENCE + 16 * CORNERS;  // 16 corner + distance from a parallelogram
     static constexpr int COUNT = APART + 16 * CORNERS;
+    static constexpr int ROOM = static_cast<int>(std::bit_ceil(static_cast<unsigned>(COUNT)));
+    // Those of effort high.
+    static constexpr int RATIOS = 0, TURN_APEX = 0, TURN_END = 0, FOLD_END = 0, LACK_END = 0, LACK_APEX = 0, STEP = 0;
     static constexpr int TERMS = 5;
 };
 template <>
@@ -58,6 +62,7 @@ struct ScorePlaces<Effort::high, true> {
     static constexpr int STEP = LACK_APEX + 128;            // 32 (2 bend) + 2 apart + [it closes]
     static constexpr int INSIDE = STEP + 16 * 16 * 2;       // (16 corner's flags + margin) 4 + how many in its sphere
     static constexpr int COUNT = INSIDE + 8 * 16 * 4;
+    static constexpr int ROOM = static_cast<int>(std::bit_ceil(static_cast<unsigned>(COUNT)));
     static constexpr int TERMS = 16;
 };
 template <>
@@ -66,10 +71,31 @@ struct ScorePlaces<Effort::standard, false> {
     static constexpr int ENDS = SHAPE + CORNERS;
     static constexpr int VALENCE = ENDS + 4 * 128;
     static constexpr int COUNT = VALENCE + 16 * CORNERS;
+    static constexpr int ROOM = static_cast<int>(std::bit_ceil(static_cast<unsigned>(COUNT)));
     static constexpr int TERMS = 3;
 };
 template <>
-struct ScorePlaces<Effort::high, false> : ScorePlaces<Effort::standard, false> {};
+struct ScorePlaces<Effort::either, true> : ScorePlaces<Effort::high, true> {
+    typedef ScorePlaces<Effort::standard, false> Blind;
+    typedef ScorePlaces<Effort::standard, true> Standard;
+    typedef ScorePlaces<Effort::high, true> High;
+    static constexpr BySight<Blind::ENDS, Standard::ENDS, High::ENDS> ENDS{};
+    static constexpr BySight<Blind::VALENCE, Standard::VALENCE, High::VALENCE> VALENCE{};
+    static constexpr BySight<Blind::COUNT, Standard::COUNT, High::COUNT> COUNT{};
+    static constexpr BySight<Blind::TERMS, Standard::TERMS, High::TERMS> TERMS{};
+    static constexpr BySight<Blind::ROOM, Standard::ROOM, High::ROOM> ROOM{};
+};
+
+// What a walk asks at each step: constants, but for those of either effort.
+template <Effort effort, bool positions>
+struct FacesAsk {
+    static constexpr bool high = effort == Effort::high && positions, sighted = positions;
+};
+template <>
+struct FacesAsk<Effort::either, true> {
+    static constexpr BySight<false, false, true> high{};
+    static constexpr BySight<false, true, true> sighted{};
+};
 
 constexpr int NO_SCORE = -100000000;
 constexpr int SCORE_RANGE = 5000; // below the best one, no candidate is worth less than this
@@ -83,124 +109,72 @@ template <Effort effort, bool positions>
 class Candidates {
 public:
     using Places = ScorePlaces<effort, positions>;
-    static constexpr int TERMS = Places::TERMS;
-    static constexpr bool high = effort == Effort::high && positions;
+    static constexpr auto TERMS = Places::TERMS;
+    static constexpr int MOST_TERMS = AT_MOST<effort, (positions ? 5 : 3), 16>;
+    static constexpr auto high = FacesAsk<effort, positions>::high;
+    static constexpr auto sighted = FacesAsk<effort, positions>::sighted;
 
     int32_t first, second, known;          // of the gate: the new face begins with first, second
     int32_t closing_first, closing_second; // the vertices that would close the edges at its ends, or NONE
-    int lanes = 0, count = 0;              // lanes in use; candidates in them
+    int lanes = 0, count = 0;              // lanes in use, a multiple of four; candidates in them
     float total = 0;                       // of the weights
-    int32_t vertex_of[LANE_LIMIT];
-    int32_t corner_of[LANE_LIMIT];
-    int32_t score_of[LANE_LIMIT]; // NO_SCORE: there is no candidate in this lane
-    float weight_of[LANE_LIMIT];
-    int32_t places_of[TERMS][LANE_LIMIT];
-    static constexpr int FAN_LIMIT = 8;
-    int32_t blocked[2 * FAN_LIMIT + 1];
-    int blocked_count = 0;
-    // High only. Of a coarse vertex: 5 (its children, up to 3, less one) + faces around without an image, up to 4.
-    int first_lack = 0, second_lack = 0, family_lack = 0;
+    int32_t vertex_of[LANES];
+    int32_t kind_of[LANES];
+    int32_t corner_of[LANES];
+    int32_t score_of[LANES]; // NO_SCORE: there is no candidate in this lane any more
+    float weight_of[LANES];
+    int32_t places_of[MOST_TERMS][LANES];
+    // High only. Of a coarse vertex: 8 (its children, up to 3, less one) + faces around without an image, up to 7.
+    int first_lack = 0, second_lack = 0;
+    int32_t lack_of[LANES];
     bool shared = false;
 
-    Candidates(const Front& front, Span<int16_t> scores) : front_(front), scores_(scores) {}
+    Candidates(const Front& front, Span<int16_t> scores)
+        : front_(front), scores_(scores.block(0, static_cast<size_t>(Places::ROOM))) {}
 
-    // half_edge: of the face behind, second -> first; `known` is its apex.
-    void aim(int32_t half_edge, int32_t first_, int32_t second_) {
+    // half_edge: of the face behind, second -> first; `known` is its apex. refused: a vertex that it is not, or NONE.
+    void aim(int32_t half_edge, int32_t first_, int32_t second_, int32_t refused) {
         first = first_, second = second_, known = front_.corner(previous_half_edge(half_edge));
-        block_fans(half_edge);
-        const VertexState &a = front_.vertex(first), &b = front_.vertex(second);
-        closing_first = a.out >= 0 ? front_.gate(a.out).to : NONE;
-        closing_second = b.in >= 0 ? front_.gate(b.in).from : NONE;
-        lanes = count = 0;
-        int u = std::min(a.degree, 7), v = std::min(b.degree, 7), least = std::min(u, v), apart = std::abs(u - v);
-        ends_[0] = Places::ENDS + 16 * least + apart;
-        ends_[1] = Places::ENDS + 128 + 16 * u + v;
-        ends_[2] = Places::ENDS + 256 + 16 * v + u;
-        ends_[3] = Places::ENDS + 384 + 16 * least + apart;
-        if constexpr (positions) {
-            F32x4 p = front_.position(first), q = front_.position(second), r = front_.position(known);
-            F32x4 side = q - p, normal = cross3(p - q, r - q), across = cross3(normal, side), far = p + q - r;
-            spread(p, px_, py_, pz_);
-            spread(q, qx_, qy_, qz_);
-            spread(across, ax_, ay_, az_);
-            spread(far, fx_, fy_, fz_);
-            float length = dot3(side, side);
-            length_ = splat(length);
-            scale_ = splat(length > 0 ? 1.0f / length : 0.0f);
-            normal_length_ = splat(dot3(normal, normal));
-            if constexpr (high) {
-                spread(side, sx_, sy_, sz_);
-                aim_fold(a.out, folds_[0]);
-                aim_fold(b.in, folds_[1]);
-            }
-        }
+        refused_ = refused;
+        serial_ = front_.next_serial();
+        mark_fans(half_edge);
+        lanes = count = seen_ = 0;
     }
 
-    // Vertices base, base + 1, ...: at most four. all: also those whose edges are all taken.
-    template <bool all>
-    MESHTIDE_INLINE void add_block(int32_t base, int32_t size, int kind) {
-        if (lanes == LANE_LIMIT) return;
-        const VertexState* states = front_.four_states(base);
-        I32x4 out = {states[0].out, states[1].out, states[2].out, states[3].out};
-        I32x4 degree = {states[0].degree, states[1].degree, states[2].degree, states[3].degree};
-        I32x4 lane = {0, 1, 2, 3}, vertex = lane + splat32(base);
-        I32x4 valid = (lane < splat32(size)) & (vertex != splat32(first)) & (vertex != splat32(second));
-        if (!all) {
-            valid &= out != splat32(NONE);
-            for (int i = 0; i < blocked_count; i++) valid &= vertex != splat32(blocked[i]);
-        }
-        I32x4 touched = all ? out != splat32(UNTOUCHED) : out >= splat32(0);
-        I32x4 closes1 = (vertex == splat32(closing_first)) & touched;
-        I32x4 closes2 = (vertex == splat32(closing_second)) & touched;
-        // Comparisons are -1.
-        I32x4 corner = splat32(8 * kind) - touched - 2 * closes1 - 4 * closes2;
-        I32x4 both = closes1 & closes2;
-        I32x4 ends = splat32(ends_[0]) + (closes1 & splat32(ends_[1] - ends_[0])) +
-                     (closes2 & splat32(ends_[2] - ends_[0])) +
-                     (both & splat32(ends_[3] - ends_[2] - ends_[1] + ends_[0]));
-        I32x4 places[TERMS];
-        I32x4 many = degree > splat32(15);
-        places[0] = splat32(Places::ENDS - Places::ENDS) + ends;
-        places[1] = splat32(Places::VALENCE) + (corner << 4) + ((degree & ~many) | (splat32(15) & many));
-        if constexpr (positions)
-            shape(base, corner, degree, kind, places);
-        else
-            places[2] = splat32(Places::SHAPE) + corner;
-        I32x4 score = splat32(0);
-        for (int j = 0; j < TERMS - high; j++) {
-            I32x4 term = {scores_[static_cast<size_t>(places[j][0])], scores_[static_cast<size_t>(places[j][1])],
-                          scores_[static_cast<size_t>(places[j][2])], scores_[static_cast<size_t>(places[j][3])]};
-            score += term;
-            store(places_of[j] + lanes, places[j]);
-        }
-        score = ((score >> 2) & valid) | (splat32(NO_SCORE) & ~valid);
-        store(vertex_of + lanes, vertex);
-        store(corner_of + lanes, corner);
-        store(score_of + lanes, score);
-        count += std::popcount(static_cast<unsigned>(signs(valid)));
-        lanes += 4;
-    }
-    // Children of one coarse vertex, at most as many as fit.
+    // Vertices base, base + 1, ... all: also those whose edges are all taken. lack: see above.
     template <bool all = false>
-    MESHTIDE_INLINE void add(int32_t base, int32_t size, int kind) {
-        for (int32_t done = 0; done < size && lanes < LANE_LIMIT; done += 4)
-            add_block<all>(base + done, std::min(size - done, 4), kind);
+    MESHTIDE_INLINE void add(int32_t base, int32_t size, int kind, [[maybe_unused]] int lack = 0) {
+        size = std::min(size, SEEN_LIMIT - seen_);
+        seen_ += size;
+        const VertexState* states = front_.states(base, size);
+        int end = count;
+        for (int32_t i = 0; i < size; i++) {
+            const VertexState& state = states[i];
+            int32_t vertex = base + i;
+            bool valid = (vertex != first) & (vertex != second);
+            if (!all) valid &= (vertex != refused_) & (state.out != NONE) & (state.mark != serial_);
+            vertex_of[end] = vertex;
+            kind_of[end] = kind;
+            if (high) lack_of[end] = lack;
+            end += valid;
+        }
+        count = end;
     }
+
     // When all are there.
     void weigh() {
-        if constexpr (high) look_inside();
+        aim_shapes();
+        while (lanes < count) score_four();
+        if constexpr (effort != Effort::standard)
+            if (high) look_inside();
         I32x4 top = splat32(NO_SCORE);
-        for (int i = 0; i < lanes; i += 4) {
-            I32x4 score = load<I32x4>(score_of + i), higher = score > top;
-            top = (score & higher) | (top & ~higher);
-        }
-        I32x4 lowest = splat32(std::max(std::max(top[0], top[1]), std::max(top[2], top[3])) - SCORE_RANGE);
+        for (int i = 0; i < lanes; i += 4) top = greatest32(top, load<I32x4>(score_of + i));
+        I32x4 lowest = greatest_of(top) - splat32(SCORE_RANGE);
         F32x4 totals = splat(0);
         for (int i = 0; i < lanes; i += 4) {
             I32x4 score = load<I32x4>(score_of + i);
             I32x4 valid = score != splat32(NO_SCORE);
-            I32x4 under = score < lowest;
-            score = (score & ~under) | (lowest & under);
+            score = greatest32(score, lowest);
             store(score_of + i, (score & valid) | (splat32(NO_SCORE) & ~valid));
             F32x4 weight = reinterpret_cast<F32x4>(reinterpret_cast<I32x4>(power(score - lowest)) & valid);
             store(weight_of + i, weight);
@@ -210,11 +184,12 @@ public:
     }
 
     void drop(int lane) {
-        total = 0;
         score_of[lane] = NO_SCORE;
         weight_of[lane] = 0;
         count--;
-        for (int i = 0; i < lanes; i++) total += weight_of[i];
+        F32x4 totals = splat(0);
+        for (int i = 0; i < lanes; i += 4) totals = totals + load<F32x4>(weight_of + i);
+        total = (totals[0] + totals[1]) + (totals[2] + totals[3]);
     }
     int find(int32_t vertex) const {
         int found = NONE;
@@ -228,31 +203,24 @@ public:
     struct Best {
         int best, rival;
     };
-    MESHTIDE_INLINE Best find_best() const {
+    MESHTIDE_ONCE Best find_best() const {
         I32x4 top = splat32(NO_SCORE * 2), next = top; // keys: 128 score + 127 - lane
         I32x4 place = {127, 126, 125, 124};
         for (int i = 0; i < lanes; i += 4) {
             I32x4 score = load<I32x4>(score_of + i);
             I32x4 valid = score != splat32(NO_SCORE);
             I32x4 key = (((score << 7) + place - splat32(i)) & valid) | (splat32(NO_SCORE * 2) & ~valid);
-            I32x4 higher = key > top;
-            I32x4 lower = (key & ~higher) | (top & higher);
-            top = (key & higher) | (top & ~higher);
-            higher = lower > next;
-            next = (lower & higher) | (next & ~higher);
+            next = greatest32(next, least32(key, top));
+            top = greatest32(key, top);
         }
-        int best = NO_SCORE * 2, rival = best;
-        for (int i = 0; i < 4; i++) {
-            rival = std::max(rival, std::min(best, top[i]));
-            best = std::max(best, top[i]);
-        }
-        for (int i = 0; i < 4; i++) rival = std::max(rival, next[i]);
+        I32x4 first_of_all = greatest_of(top), here = top == first_of_all;
+        int best = first_of_all[0], rival = greatest_of((next & here) | (top & ~here))[0];
         return {best > NO_SCORE ? 127 - (best & 127) : NONE, rival > NO_SCORE ? 127 - (rival & 127) : NONE};
     }
 
     // One step of the scores after a choice, with the weights that it was made with.
     void learn(int chosen, float all, const float* weights) {
-        constexpr float PACE = high ? 20 : 50;
+        const float PACE = high ? 20 : 50;
         // What is left of a step of which only the whole part counts is as often 1 as it is large.
         learned_ += 0x9E3779B9u;
         float dither = static_cast<float>(learned_ >> 8) * 0x1p-24f + 1024;
@@ -262,9 +230,9 @@ public:
             F32x4 one = reinterpret_cast<F32x4>(reinterpret_cast<I32x4>(splat(1.0f)) & here);
             I32x4 step = truncate((one - weight / splat(all)) * splat(PACE) + splat(dither)) - splat32(1024);
             for (int k = 0; k < 4; k++) {
-                if (step[k] == 0) continue;
+                if (step[k] == 0 || weight[k] == 0) continue; // a lane without candidate learns nothing
                 for (int j = 0; j < TERMS; j++) {
-                    int16_t& score = scores_[static_cast<size_t>(places_of[j][i + k])];
+                    int16_t& score = score_at(places_of[j][i + k]);
                     score = static_cast<int16_t>(std::clamp(score + step[k], -32000, 32000));
                 }
             }
@@ -273,32 +241,103 @@ public:
 
     // Is it a vertex that a face at this gate can have only where edges have several faces?
     bool is_blocked(int32_t vertex) const {
-        if (front_.vertex(vertex).out == NONE) return true;
-        for (int i = 0; i < blocked_count; i++)
-            if (blocked[i] == vertex) return true;
-        return false;
+        const VertexState& state = front_.vertex(vertex);
+        return state.out == NONE || state.mark == serial_;
     }
 
 private:
-    // The vertices around the gate's ends, on from the face behind, to which no gate leads.
-    MESHTIDE_INLINE void block_fans(int32_t half_edge) {
-        blocked[0] = known;
-        blocked_count = 1;
-        for (int32_t h = next_half_edge(half_edge); blocked_count < FAN_LIMIT;) {
+    // A stream cannot make a place that the mask would change.
+    MESHTIDE_INLINE int16_t& score_at(int32_t place) const {
+        return scores_[static_cast<size_t>(place & (Places::ROOM - 1))];
+    }
+
+    MESHTIDE_INLINE void mark(int32_t vertex) const { front_.vertex(vertex).mark = serial_ & 0x3fffffff; }
+    // Marks the vertices around the gate's ends, on from the face behind, to which no gate leads.
+    MESHTIDE_INLINE void mark_fans(int32_t half_edge) const {
+        mark(known);
+        int step = 1;
+        for (int32_t h = next_half_edge(half_edge); step < FAN_LIMIT; step++) {
             int32_t twin = front_.twin(h); // h leaves `first`
             if (twin < NONE) break;
-            blocked[blocked_count++] = front_.corner(next_half_edge(h));
+            mark(front_.corner(next_half_edge(h)));
             if (twin == NONE) break;
             h = next_half_edge(twin);
         }
-        int limit = blocked_count + FAN_LIMIT;
-        for (int32_t h = previous_half_edge(half_edge); blocked_count < limit;) {
+        step = 0;
+        for (int32_t h = previous_half_edge(half_edge); step < FAN_LIMIT; step++) {
             int32_t twin = front_.twin(h); // h reaches `second`
             if (twin < NONE) break;
-            blocked[blocked_count++] = front_.corner(h);
+            mark(front_.corner(h));
             if (twin == NONE) break;
             h = previous_half_edge(twin);
         }
+    }
+
+    void aim_shapes() {
+        const VertexState &a = front_.vertex(first), &b = front_.vertex(second);
+        closing_first = a.out >= 0 ? front_.gate(a.out).to : NONE;
+        closing_second = b.in >= 0 ? front_.gate(b.in).from : NONE;
+        int u = std::min(a.degree, 7), v = std::min(b.degree, 7), least = std::min(u, v), apart = std::abs(u - v);
+        ends_[0] = Places::ENDS + 16 * least + apart;
+        ends_[1] = Places::ENDS + 128 + 16 * u + v;
+        ends_[2] = Places::ENDS + 256 + 16 * v + u;
+        ends_[3] = Places::ENDS + 384 + 16 * least + apart;
+        for (int i = count; i < LANES && (i & 3) != 0; i++) {
+            vertex_of[i] = first; // of no meaning
+            kind_of[i] = 0;
+            if (high) lack_of[i] = 0;
+        }
+        if (sighted) {
+            F32x4 p = front_.position(first), q = front_.position(second), r = front_.position(known);
+            F32x4 side = q - p, normal = cross3(p - q, r - q), across = cross3(normal, side), far = p + q - r;
+            spread(p, px_, py_, pz_);
+            spread(q, qx_, qy_, qz_);
+            spread(across, ax_, ay_, az_);
+            spread(far, fx_, fy_, fz_);
+            float length = dot3(side, side);
+            length_ = splat(length);
+            scale_ = splat(length > 0 ? 1.0f / length : 0.0f);
+            normal_length_ = splat(dot3(normal, normal));
+            if (high) {
+                spread(side, sx_, sy_, sz_);
+                aim_fold(a.out, folds_[0]);
+                aim_fold(b.in, folds_[1]);
+            }
+        }
+    }
+
+    MESHTIDE_INLINE void score_four() {
+        I32x4 vertex = load<I32x4>(vertex_of + lanes), kind = load<I32x4>(kind_of + lanes);
+        const VertexState &s0 = front_.vertex(vertex[0]), &s1 = front_.vertex(vertex[1]);
+        const VertexState &s2 = front_.vertex(vertex[2]), &s3 = front_.vertex(vertex[3]);
+        I32x4 out = {s0.out, s1.out, s2.out, s3.out};
+        I32x4 degree = {s0.degree, s1.degree, s2.degree, s3.degree};
+        I32x4 valid = I32x4{0, 1, 2, 3} < splat32(count - lanes);
+        I32x4 touched = out != splat32(UNTOUCHED);
+        I32x4 closes1 = (vertex == splat32(closing_first)) & touched;
+        I32x4 closes2 = (vertex == splat32(closing_second)) & touched;
+        // Comparisons are -1.
+        I32x4 corner = (kind << 3) - touched - 2 * closes1 - 4 * closes2;
+        I32x4 both = closes1 & closes2;
+        I32x4 ends = splat32(ends_[0]) + (closes1 & splat32(ends_[1] - ends_[0])) +
+                     (closes2 & splat32(ends_[2] - ends_[0])) +
+                     (both & splat32(ends_[3] - ends_[2] - ends_[1] + ends_[0]));
+        I32x4 places[MOST_TERMS];
+        places[0] = ends;
+        places[1] = splat32(Places::VALENCE) + (corner << 4) + no_more(degree, 15);
+        if (!sighted) places[2] = splat32(Places::SHAPE) + corner;
+        if constexpr (positions)
+            if (sighted) shape(vertex, corner, degree, kind, places);
+        I32x4 score = splat32(0);
+        for (int j = 0; j < TERMS - high; j++) {
+            score +=
+                I32x4{score_at(places[j][0]), score_at(places[j][1]), score_at(places[j][2]), score_at(places[j][3])};
+            store(places_of[j] + lanes, places[j]);
+        }
+        score = ((score >> 2) & valid) | (splat32(NO_SCORE) & ~valid);
+        store(corner_of + lanes, corner);
+        store(score_of + lanes, score);
+        lanes += 4;
     }
     // The normal of the face behind a gate that a candidate would close, and its squared length.
     struct Fold {
@@ -329,9 +368,9 @@ private:
     static MESHTIDE_INLINE I32x4 sixteenth(F32x4 cosine) {
         return truncate(least(greatest(cosine + splat(8.0f), splat(0.0f)), splat(15.0f)));
     }
-    MESHTIDE_INLINE void shape(int32_t base, I32x4 corner, I32x4 degree, int kind, I32x4* places) {
-        const VertexRow* rows = front_.four_rows(base);
-        F32x4 r0 = rows[0], r1 = rows[1], r2 = rows[2], r3 = rows[3];
+    MESHTIDE_INLINE void shape(I32x4 vertex, I32x4 corner, I32x4 degree, I32x4 kind, I32x4* places) {
+        F32x4 r0 = front_.row(vertex[0]), r1 = front_.row(vertex[1]);
+        F32x4 r2 = front_.row(vertex[2]), r3 = front_.row(vertex[3]);
         F32x4 t0 = __builtin_shufflevector(r0, r1, 0, 4, 1, 5), t1 = __builtin_shufflevector(r2, r3, 0, 4, 1, 5);
         F32x4 t2 = __builtin_shufflevector(r0, r1, 2, 6, 3, 7), t3 = __builtin_shufflevector(r2, r3, 2, 6, 3, 7);
         F32x4 x = __builtin_shufflevector(t0, t1, 0, 1, 4, 5), y = __builtin_shufflevector(t0, t1, 2, 3, 6, 7);
@@ -347,11 +386,11 @@ private:
         F32x4 gx = x - fx_, gy = y - fy_, gz = z - fz_;
         F32x4 far = gx * gx + gy * gy + gz * gz;
         places[2] = splat32(Places::SHAPE) + (corner << 8) + (bend << 4) + angle;
-        places[3] = splat32(Places::LENGTHS + std::min(kind, 3)) + (octave(greatest(ii, jj), 0.25f) << 6) +
+        places[3] = splat32(Places::LENGTHS) + no_more(kind, 3) + (octave(greatest(ii, jj), 0.25f) << 6) +
                     (octave(least(ii, jj), 0.25f) << 2);
         I32x4 apart = octave(far * scale_, 0.03125f);
         places[4] = splat32(Places::APART) + (corner << 4) + apart;
-        if constexpr (high) {
+        if (high) {
             I32x4 flags = corner & splat32(7), closing = flags >> 1;
             I32x4 closes1 = closing & splat32(1), closes2 = closing >> 1;
             places[5] = splat32(Places::RATIOS) + (octave(greatest(ii, jj) * scale_, 0.125f) << 6) +
@@ -363,7 +402,9 @@ private:
             I32x4 faces = no_more(degree, 7);
             auto turn = [](F32x4 sum) { return truncate(least(sum * splat(12.0f), splat(31.0f))); };
             places[6] = splat32(Places::TURN_APEX) + (((flags << 3) + faces) << 5) +
-                        turn(load<F32x4>(front_.four_angles(base)) + at3);
+                        turn(F32x4{front_.angle(vertex[0]), front_.angle(vertex[1]), front_.angle(vertex[2]),
+                                   front_.angle(vertex[3])} +
+                             at3);
             places[7] = splat32(Places::TURN_END) +
                         (((closes1 << 3) + splat32(std::min(front_.vertex(first).degree, 7))) << 5) +
                         turn(splat(front_.angle(first)) + at1);
@@ -379,15 +420,16 @@ private:
                 I32x4 closes = i == 0 ? closes1 : closes2;
                 places[9 + i] = splat32(Places::FOLD_END) + (folded & (splat32(0) - closes)) + (closes << 4);
             }
-            I32x4 own = splat32(kind == AHEAD ? 1 : 0);
-            auto lack = [&](int coded, I32x4 closed) {
-                I32x4 left = splat32(coded % 8) - own;
+            I32x4 own = kind == splat32(AHEAD); // -1
+            auto lack = [&](I32x4 coded, I32x4 closed) {
+                I32x4 left = (coded & splat32(7)) + own;
                 left = left & (left > splat32(0));
-                return closed * 15 + splat32(coded / 8 * 5) + no_more(left, 4);
+                return closed * 15 + (coded >> 3) * 5 + no_more(left, 4);
             };
-            places[11] = splat32(Places::LACK_END + shared) + (lack(first_lack, closes1) << 1);
-            places[12] = splat32(Places::LACK_END + shared) + (lack(second_lack, closes2) << 1);
-            places[13] = splat32(Places::LACK_APEX) + (lack(family_lack, closes1 & closes2) << 2) + closing;
+            places[11] = splat32(Places::LACK_END + shared) + (lack(splat32(first_lack), closes1) << 1);
+            places[12] = splat32(Places::LACK_END + shared) + (lack(splat32(second_lack), closes2) << 1);
+            places[13] =
+                splat32(Places::LACK_APEX) + (lack(load<I32x4>(lack_of + lanes), closes1 & closes2) << 2) + closing;
             places[14] = splat32(Places::STEP) + (bend << 5) + (apart << 1) + (closes1 | closes2);
             // The sphere through the three, around a point of their plane.
             F32x4 ed = t * splat(0.5f), det = splat(2.0f) * (length_ * ii - ed * ed);
@@ -420,21 +462,26 @@ private:
                 nearest = least(nearest, way);
             }
             float least_way = std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
-            int margin = radius > 0 ? std::min(15, static_cast<int>(least_way / radius * 8.0f)) : 0;
+            float share = least_way / radius * 8.0f; // no number if the sphere is too large for floats
+            int margin = share >= 15 ? 15 : share > 0 ? static_cast<int>(share) : 0;
             int32_t place = Places::INSIDE + (((corner_of[i] & 7) * 16 + margin) * 4 + std::min(inside, 3));
             places_of[15][i] = place;
-            score_of[i] += scores_[static_cast<size_t>(place)] >> 2;
+            score_of[i] += score_at(place) >> 2;
         }
     }
 
+    static constexpr int FAN_LIMIT = 8;
+
     const Front& front_;
-    Span<int16_t> scores_;
-    uint32_t learned_ = 0;
+    int16_t* scores_; // Places::ROOM of them
+    uint32_t learned_ = 0, serial_ = 0;
+    int32_t refused_ = NONE;
+    int seen_ = 0; // vertices that were looked at
     int32_t ends_[4];
     Fold folds_[2];
     F32x4 sx_, sy_, sz_;
-    float dx_of_[LANE_LIMIT], dy_of_[LANE_LIMIT], dz_of_[LANE_LIMIT];
-    float cx_of_[LANE_LIMIT], cy_of_[LANE_LIMIT], cz_of_[LANE_LIMIT];
+    float dx_of_[LANES], dy_of_[LANES], dz_of_[LANES];
+    float cx_of_[LANES], cy_of_[LANES], cz_of_[LANES];
     F32x4 px_, py_, pz_, qx_, qy_, qz_, ax_, ay_, az_, fx_, fy_, fz_, length_, scale_, normal_length_;
 };
 

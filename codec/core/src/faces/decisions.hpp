@@ -20,7 +20,8 @@ class FacesDecisions {
     using Model = FacesModel<effort, positions>;
     using C = FacesContexts;
     using N = FacesNeurons;
-    static constexpr bool high = effort == Effort::high && positions;
+    static constexpr auto high = FacesAsk<effort, positions>::high;
+    static constexpr auto sighted = FacesAsk<effort, positions>::sighted;
 
 public:
     FacesDecisions(Coder& coder, Model& model, Candidates<effort, positions>& candidates)
@@ -47,32 +48,31 @@ public:
         auto score = static_cast<uint32_t>(std::clamp((candidates_.score_of[best] >> 7) + 16, 0, 31));
         int odds = odds_of(best);
         auto odds_place = static_cast<uint32_t>(odds_class(odds));
-        question.contexts[0] = place;
-        question.contexts[1] = C::GATE_BY_SCORE + (score * 7 + family) * 3 + borders;
-        question.contexts[2] = C::GATE_BY_CORNER + (corner * 3 + borders) * 4 + count;
-        question.contexts[3] = C::GATE_BY_ODDS + (odds_place * 7 + family) * 3 + borders;
+        store(question.contexts, U32x4{place, C::GATE_BY_SCORE + (score * 7 + family) * 3 + borders,
+                                       C::GATE_BY_CORNER + (corner * 3 + borders) * 4 + count,
+                                       C::GATE_BY_ODDS + (odds_place * 7 + family) * 3 + borders});
         question.opposed[0] = splat16(0);
         auto number = static_cast<int16_t>(std::clamp(odds * 177 >> 8, -2047, 2047));
         auto height = static_cast<int16_t>(std::clamp(candidates_.score_of[best] * 177 >> 8, -2047, 2047));
         question.numbers = I16x8{256, number, height, 0, 0, 0, 0, 0};
-        question.neurons[0] = N::GATE_FAMILY + (family * 3 + borders) * 3 + z;
-        question.neurons[1] = N::GATE_CORNER + corner;
-        question.neurons[2] = N::GATE_ODDS + odds_place;
-        if constexpr (high) question.neurons[3] = N::GATE_SCORE + score;
+        store(question.neurons, U32x4{N::GATE_FAMILY + (family * 3 + borders) * 3 + z, N::GATE_CORNER + corner,
+                                      N::GATE_ODDS + odds_place, high ? N::GATE_SCORE + score : 0});
         question.final_neuron = 8 + family;
-        if constexpr (high)
-            add_places(question, C::COUNT + 8 * Candidates<effort, positions>::Places::COUNT, best, {1, 0});
+        if constexpr (effort != Effort::standard)
+            if (high)
+                add_places(question, C::COUNT + 8 * static_cast<uint32_t>(Candidates<effort, positions>::Places::COUNT),
+                           best, {1, 0});
         return mixer_.code(coder_, question, wanted);
     }
 
-    // Which candidate it is, as a lane. want: the same (encoder).
-    int choose(int want, bool learning) {
-        auto [best, rival] = candidates_.find_best();
-        float weights[LANE_LIMIT], total = candidates_.total;
+    // Which candidate it is, as a lane. top: the best ones; want: the one that it is (encoder).
+    int choose(typename Candidates<effort, positions>::Best top, int want, bool learning) {
+        auto [best, rival] = top;
+        float weights[LANES], total = candidates_.total;
         bool many = candidates_.count > 1;
         bool doubtful = learning && many;
         if (doubtful)
-            std::memcpy(weights, candidates_.weight_of, sizeof(float) * static_cast<size_t>(candidates_.lanes));
+            for (int i = 0; i < candidates_.lanes; i += 4) store(weights + i, load<F32x4>(candidates_.weight_of + i));
         if constexpr (requires { coder_.watch(candidates_, want); })
             if (many && learning) coder_.watch(candidates_, want);
         int turn = 0;
@@ -97,25 +97,22 @@ private:
         auto left = static_cast<uint32_t>(std::min(candidates_.count - 2, 3));
         int margin = candidates_.score_of[best] - candidates_.score_of[rival];
         auto close = static_cast<uint32_t>(std::clamp(margin >> 7, 0, 15));
-        question.contexts[0] = C::PICK_BY_ODDS + (t * ODDS + odds_place) * CORNERS + corner;
-        question.contexts[1] = C::PICK_BY_LEFT + ((again * 4 + left) * ODDS + odds_place) * 16 + close;
-        question.contexts[2] =
-            C::PICK_BY_RIVAL + ((again * 4 + std::min(close >> 1, 3u)) * CORNERS + corner) * CORNERS + other;
-        question.contexts[3] = C::PICK_BY_SHAPE + again * 256 * CORNERS;
-        if constexpr (positions)
-            question.contexts[3] += static_cast<uint32_t>(candidates_.places_of[2][best]);
-        else
-            question.contexts[3] += corner;
+        uint32_t shape = corner;
+        if (sighted) shape = static_cast<uint32_t>(candidates_.places_of[2][best]);
+        store(question.contexts,
+              U32x4{C::PICK_BY_ODDS + (t * ODDS + odds_place) * CORNERS + corner,
+                    C::PICK_BY_LEFT + ((again * 4 + left) * ODDS + odds_place) * 16 + close,
+                    C::PICK_BY_RIVAL + ((again * 4 + std::min(close >> 1, 3u)) * CORNERS + corner) * CORNERS + other,
+                    C::PICK_BY_SHAPE + again * 256 * CORNERS + shape});
         question.opposed[0] = splat16(0);
         auto number = static_cast<int16_t>(std::clamp(odds * 177 >> 8, -2047, 2047));
         auto ahead = static_cast<int16_t>(std::clamp(margin * 177 >> 8, -2047, 2047));
         question.numbers = I16x8{256, number, ahead, 0, 0, 0, 0, 0};
-        question.neurons[0] = N::PICK_TURN + 4 * t + left;
-        question.neurons[1] = N::PICK_CORNER + corner;
-        question.neurons[2] = N::PICK_ODDS + odds_place;
-        if constexpr (high) question.neurons[3] = N::PICK_MARGIN + 16 * again + close;
+        store(question.neurons, U32x4{N::PICK_TURN + 4 * t + left, N::PICK_CORNER + corner, N::PICK_ODDS + odds_place,
+                                      high ? N::PICK_MARGIN + 16 * again + close : 0});
         question.final_neuron = t;
-        if constexpr (high) add_places(question, C::COUNT, best, {8, 4 * again + (odds_place >> 3)});
+        if constexpr (effort != Effort::standard)
+            if (high) add_places(question, C::COUNT, best, {8, 4 * again + (odds_place >> 3)});
         return mixer_.code(coder_, question, is);
     }
 

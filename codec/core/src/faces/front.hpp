@@ -18,18 +18,18 @@ struct Gate {
 constexpr int32_t UNTOUCHED = -2; // in VertexState::out: a vertex without faces
 constexpr int SEARCH_LIMIT = 64;  // steps of a search around a vertex or an edge
 
+// All that a walk knows of a vertex, in one line of the cache. The first half is never written to in a walk, so that
+// loads of vectors do not wait for stores of parts.
 struct VertexState {
+    F32x4 row;       // position, in cells of the fine depth, and the parent as the bits of the fourth lane
     int32_t out, in; // the newest gates that leave it, and that reach it; NONE, or UNTOUCHED
     int32_t degree;
-    int32_t split; // has its cell several children?
+    uint32_t split : 2; // 1: its cell has several children; 2: a gate at it was found to have no face
+    uint32_t mark : 30; // the last gate that it is no apex for
 };
 
-// Position, in cells of the fine depth, and the parent as the bits of the fourth lane. Never written to in a walk, so
-// that loads of vectors do not wait for stores of parts.
-using VertexRow = F32x4;
-
 // The angle of a cosine, in half turns; M. Abramowitz and I. Stegun, "Handbook of Mathematical Functions", 4.4.45.
-MESHTIDE_INLINE F32x4 arc(F32x4 cosine) {
+MESHTIDE_ONCE F32x4 arc(F32x4 cosine) {
     F32x4 x = least(magnitude(cosine), splat(1.0f));
     F32x4 angle = square_root(splat(1.0f) - x) *
                   (splat(0.4999787f) + x * (splat(-0.0675181f) + x * (splat(0.0236380f) - x * splat(0.0059617f))));
@@ -39,14 +39,12 @@ MESHTIDE_INLINE F32x4 arc(F32x4 cosine) {
 }
 
 struct FrontMemory {
-    explicit FrontMemory(Budget& budget)
-        : rows(budget), vertices(budget), angles(budget), gates(budget), free_slots(budget), copied(budget) {}
-    Array<VertexRow> rows; // and three more, so that four can be loaded from any
+    explicit FrontMemory(Budget& budget) : vertices(budget), angles(budget), gates(budget), free_slots(budget) {}
     Array<VertexState> vertices;
     Array<float> angles; // of each vertex: the sum of its faces' angles there; high only
     Array<Gate> gates;
     Array<int32_t> free_slots;
-    Array<uint8_t> copied; // of each coarse face: is it a face of the fine level, in the same slot?
+    uint32_t serial = 0;
 };
 
 class Front {
@@ -59,7 +57,6 @@ public:
         level_.twins.resize(4 * slots);
         corners_ = level_.corners.span();
         twins_ = level_.twins.span();
-        rows_ = memory_.rows.span();
         vertices_ = memory_.vertices.span();
         level_.heads.assign(level_.parents.size(), NONE);
         heads_ = level_.heads.span();
@@ -77,21 +74,15 @@ public:
     size_t vertex_count() const { return vertices_.size(); }
 
     MESHTIDE_INLINE VertexState& vertex(int32_t v) const { return vertices_[static_cast<size_t>(v)]; }
-    MESHTIDE_INLINE int32_t parent(int32_t v) const {
-        return reinterpret_cast<I32x4>(rows_[static_cast<size_t>(v)])[3];
+    MESHTIDE_INLINE int32_t parent(int32_t v) const { return reinterpret_cast<I32x4>(row(v))[3]; }
+    MESHTIDE_INLINE F32x4 position(int32_t v) const { return __builtin_shufflevector(row(v), splat(0), 0, 1, 2, 4); }
+    MESHTIDE_INLINE F32x4 row(int32_t v) const { return vertex(v).row; }
+    MESHTIDE_INLINE const VertexState* states(int32_t v, int32_t count) const {
+        return vertices_.block(static_cast<size_t>(v), static_cast<size_t>(count));
     }
-    MESHTIDE_INLINE F32x4 position(int32_t v) const {
-        F32x4 row = rows_[static_cast<size_t>(v)];
-        return __builtin_shufflevector(row, splat(0), 0, 1, 2, 4);
-    }
-    MESHTIDE_INLINE const VertexRow* four_rows(int32_t v) const { return rows_.block(static_cast<size_t>(v), 4); }
-    MESHTIDE_INLINE const VertexState* four_states(int32_t v) const {
-        return vertices_.block(static_cast<size_t>(v), 4);
-    }
+    // One that no vertex is marked with, but for those that were more than 2^30 marks ago.
+    MESHTIDE_INLINE uint32_t next_serial() const { return memory_.serial = (memory_.serial + 1) & 0x3fffffff; }
     MESHTIDE_INLINE float angle(int32_t v) const { return memory_.angles[static_cast<size_t>(v)]; }
-    MESHTIDE_INLINE const float* four_angles(int32_t v) const {
-        return memory_.angles.span().block(static_cast<size_t>(v), 4);
-    }
     // Adds a face's angles to those of its corners.
     void add_angles(int32_t a, int32_t b, int32_t c) const {
         F32x4 p = position(a), q = position(b), r = position(c);
@@ -114,7 +105,7 @@ public:
         return twin < NONE ? -2 - twin : NONE;
     }
 
-    MESHTIDE_INLINE int32_t open(int32_t h, int32_t from, int32_t to, int32_t ahead) {
+    MESHTIDE_ONCE int32_t open(int32_t h, int32_t from, int32_t to, int32_t ahead) {
         int32_t k = free_gate_;
         if (k >= 0) {
             free_gate_ = gate(k).next_out;
@@ -131,7 +122,7 @@ public:
         twin(h) = -2 - k;
         return k;
     }
-    MESHTIDE_INLINE void close(int32_t k) {
+    MESHTIDE_ONCE void close(int32_t k) {
         Gate& closed = gate(k);
         if (closed.previous_out >= 0)
             gate(closed.previous_out).next_out = closed.next_out;
@@ -147,7 +138,7 @@ public:
         free_gate_ = k;
     }
     // The newest gate that runs from here to there, among as many as a search may see.
-    MESHTIDE_INLINE int32_t find_gate(int32_t from, int32_t to) const {
+    MESHTIDE_ONCE int32_t find_gate(int32_t from, int32_t to) const {
         int32_t k = vertex(from).out;
         for (int step = 0; k >= 0 && step < SEARCH_LIMIT; step++) {
             const Gate& found = gate(k);
@@ -156,7 +147,7 @@ public:
         }
         return NONE;
     }
-    MESHTIDE_INLINE void join(int32_t h, int32_t k) {
+    MESHTIDE_ONCE void join(int32_t h, int32_t k) {
         int32_t other = gate(k).half_edge;
         close(k);
         twin(h) = other;
@@ -164,7 +155,7 @@ public:
     }
 
     // A slot for one more face, with its corners.
-    MESHTIDE_INLINE int32_t add(int32_t a, int32_t b, int32_t c) {
+    MESHTIDE_ONCE int32_t add(int32_t a, int32_t b, int32_t c) {
         expect(face_count_ < face_limit_, "more faces than were announced");
         int32_t slot;
         if (!memory_.free_slots.empty())
@@ -179,13 +170,13 @@ public:
         return slot;
     }
 
-    // The faces of the coarse level without split corners, in their slots and with their twins. What was covered, and
-    // the gates, are left to the caller.
-    void copy(const Level& coarse) {
+    // The faces of the coarse level without split corners, in their slots and with their twins. The
+    // gates are left to the caller, who is told of each half-edge with which a copied face begins.
+    template <class Copied>
+    void copy(const Level& coarse, Copied copied) {
         size_t slots = coarse.face_count();
         Span<const int32_t> corners = coarse.corners.span();
         Span<const uint32_t> children = coarse.first_children.span();
-        memory_.copied.assign(slots, 0);
         for (size_t t = slots; t-- > 0;) { // free slots are taken from the end, so the first one goes first
             const int32_t* from = corners.block(4 * t, 4);
             int32_t fine[3];
@@ -193,7 +184,7 @@ public:
             for (int k = 0; k < 3; k++) {
                 auto p = static_cast<size_t>(from[k]);
                 fine[k] = static_cast<int32_t>(children[p]);
-                split = split || vertex(fine[k]).split != 0;
+                split = split || children[p + 1] - children[p] > 1;
             }
             if (split) {
                 memory_.free_slots.push(static_cast<int32_t>(t));
@@ -202,7 +193,7 @@ public:
             }
             expect(face_count_ < face_limit_, "more faces than were announced");
             face_count_++;
-            memory_.copied[t] = 1;
+            copied(4 * static_cast<int32_t>(t));
             store(corners_.block(4 * t, 4), I32x4{fine[0], fine[1], fine[2], 0});
             for (int k = 0; k < 3; k++) touch(fine[k], 4 * static_cast<int32_t>(t) + k);
         }
@@ -210,7 +201,7 @@ public:
         if (slots != 0) std::memcpy(twins_.block(0, 4 * slots), coarse.twins.begin(), 16 * slots);
     }
 
-    // Fills the slots that are still free with the last faces, and tells heads and degrees. No gate may be left.
+    // Fills the slots that are still free with the last faces, and tells heads. No gate may be left.
     void finish() {
         for (int32_t slot : memory_.free_slots) {
             auto hole = static_cast<size_t>(slot);
@@ -221,9 +212,6 @@ public:
         }
         level_.corners.resize(4 * face_count_);
         level_.twins.resize(4 * face_count_);
-        level_.degrees.resize(vertices_.size() - 3);
-        for (size_t v = 0; v < level_.degrees.size(); v++)
-            level_.degrees[v] = static_cast<uint32_t>(vertices_[v].degree);
         for (size_t t = 0; t < face_count_; t++)
             for (size_t h = 4 * t; h < 4 * t + 3; h++)
                 if (twins_[h] < 0) {
@@ -256,7 +244,6 @@ private:
     Level& level_;
     FrontMemory& memory_;
     Span<int32_t> corners_, twins_, heads_;
-    Span<VertexRow> rows_;
     Span<VertexState> vertices_;
     int32_t free_gate_ = NONE;
     size_t face_limit_ = 0, face_count_ = 0, slot_count_ = 0;

@@ -12,24 +12,45 @@ struct FacesTruth {
     Span<const int32_t> faces;
 };
 
-// Corners of faces, each 3 face + k, in some order, of which the first with a key is found that is not told. What is
-// told is skipped, and the skips are remembered, so that very many faces with one key do not cost more and more.
+// Corners of faces, each 3 face + k, in the order of keys that begin with a number, of which the first with a key is
+// found that is not told. What is told is skipped, and the skips are remembered, so that very many faces with one key
+// do not cost more and more.
 class UntoldList {
 public:
-    explicit UntoldList(Budget& budget) : corners_(budget), later_(budget) {}
+    explicit UntoldList(Budget& budget) : corners_(budget), places_(budget), later_(budget) {}
 
     void clear() { corners_.clear(); }
     void push(int32_t corner) { corners_.push(corner); }
-    template <class Less>
-    void sort(Less less) {
-        std::sort(corners_.begin(), corners_.end(), less);
+    // number(c): what the key of c begins with, below `numbers`; less(a, b): of keys that begin with the same one.
+    template <class Number, class Less>
+    void sort(size_t numbers, Number number, Less less, Budget& budget) {
+        Array<int32_t> given(budget);
+        given.copy(corners_.span());
+        places_.assign(numbers + 1, 0);
+        for (int32_t c : given) places_[number(c) + 1]++;
+        for (size_t i = 0; i < numbers; i++) places_[i + 1] += places_[i];
+        for (int32_t c : given) corners_[places_[number(c)]++] = c;
+        for (size_t i = numbers; i > 0; i--) places_[i] = places_[i - 1];
+        places_[0] = 0;
+        for (size_t i = 0; i < numbers; i++)
+            std::sort(corners_.begin() + places_[i], corners_.begin() + places_[i + 1], less);
+    }
+    // same(a, b): the keys are the same.
+    template <class Same>
+    bool repeats(Same same) const {
+        return std::adjacent_find(corners_.begin(), corners_.end(), same) != corners_.end();
+    }
+    // Nothing is told.
+    void restart() {
         later_.resize(corners_.size() + 1);
         for (size_t i = 0; i < later_.size(); i++) later_[i] = static_cast<uint32_t>(i);
     }
-    // before(c): the key of c is less than what is sought; same(c): it is this; told(c).
+    // before(c): the key of c, which begins with `number`, is less than what is sought; same(c): it is this; told(c).
     template <class Before, class Same, class Told>
-    int32_t find(Before before, Same same, Told told) {
-        const int32_t* place = std::partition_point(corners_.begin(), corners_.end(), before);
+    int32_t find(size_t number, Before before, Same same, Told told) {
+        if (number + 1 >= places_.size()) return NONE;
+        const int32_t* corners = corners_.begin();
+        const int32_t* place = std::partition_point(corners + places_[number], corners + places_[number + 1], before);
         auto at = static_cast<size_t>(place - corners_.begin());
         while (true) {
             at = untold_from(at);
@@ -51,26 +72,44 @@ private:
         return end;
     }
     Array<int32_t> corners_;
-    Array<uint32_t> later_; // of each place: the same, or a later one if what is there is told
+    Array<uint32_t> places_; // where the corners of each number begin
+    Array<uint32_t> later_;  // of each place: the same, or a later one if what is there is told
 };
 
 class TruthIndex {
 public:
-    explicit TruthIndex(Budget& budget) : edges_(budget), images_(budget), told_(budget) {}
+    explicit TruthIndex(Budget& budget) : budget_(budget), edges_(budget), images_(budget), told_(budget) {}
 
-    void start(FacesTruth truth, Span<const uint32_t> parents) {
+    void index(FacesTruth truth, Span<const uint32_t> parents) {
         faces_ = truth.faces;
         parents_ = parents;
-        told_.assign(faces_.size() / 3, 0);
-        first_untold_ = 0;
         edges_.clear();
         images_.clear();
         has_images_ = false;
         for (size_t i = 0; i < faces_.size(); i++) edges_.push(static_cast<int32_t>(i));
-        edges_.sort([&](int32_t a, int32_t b) {
-            Edge x = edge(a), y = edge(b);
-            return x.from != y.from ? x.from < y.from : x.to != y.to ? x.to < y.to : a < b;
-        });
+        auto less = [&](int32_t a, int32_t b) {
+            int32_t x = vertex(a, 1), y = vertex(b, 1);
+            return x != y ? x < y : a < b;
+        };
+        edges_.sort(
+            parents.size(), [&](int32_t c) { return static_cast<size_t>(vertex(c, 0)); }, less, budget_);
+        edges_repeat_ = edges_.repeats(
+            [&](int32_t a, int32_t b) { return vertex(a, 1) == vertex(b, 1) && vertex(a, 0) == vertex(b, 0); });
+    }
+    // Does an edge have several faces a side?
+    bool edges_repeat() const { return edges_repeat_; }
+    // Gives back all that was taken.
+    void rest() {
+        edges_ = UntoldList(budget_);
+        images_ = UntoldList(budget_);
+        told_ = Array<uint8_t>(budget_);
+    }
+    // Nothing is told.
+    void restart() {
+        told_.assign(faces_.size() / 3, 0);
+        first_untold_ = 0;
+        edges_.restart();
+        if (has_images_) images_.restart();
     }
 
     size_t face_count() const { return told_.size(); }
@@ -83,11 +122,8 @@ public:
     // Where a -> b begins, in the first such face that is not told yet, or NONE.
     int32_t find(int32_t a, int32_t b) {
         return edges_.find(
-            [&](int32_t c) {
-                Edge x = edge(c);
-                return x.from != a ? x.from < a : x.to < b;
-            },
-            [&](int32_t c) { return edge(c).from == a && edge(c).to == b; }, [&](int32_t c) { return is_told(c); });
+            static_cast<size_t>(a), [&](int32_t c) { return vertex(c, 1) < b; },
+            [&](int32_t c) { return vertex(c, 0) == a && vertex(c, 1) == b; }, [&](int32_t c) { return is_told(c); });
     }
     // The first corner of the face with these ones, of which the first is the least, or NONE if there is none to tell.
     int32_t find(int32_t a, int32_t b, int32_t c) const {
@@ -110,8 +146,9 @@ public:
     int32_t find_above(uint32_t p, uint32_t q, uint32_t r) {
         if (!has_images_) index_images();
         Image wanted{p, q, r};
-        return images_.find([&](int32_t c) { return image(c) < wanted; }, [&](int32_t c) { return image(c) == wanted; },
-                            [&](int32_t c) { return is_told(c); });
+        return images_.find(
+            p, [&](int32_t c) { return image(c) < wanted; }, [&](int32_t c) { return image(c) == wanted; },
+            [&](int32_t c) { return is_told(c); });
     }
     // The first face that is not told yet, as its first corner, or NONE.
     int32_t find_any() {
@@ -120,15 +157,11 @@ public:
     }
 
 private:
-    struct Edge {
-        int32_t from, to;
-    };
     struct Image {
         uint32_t p, q, r;
         bool operator==(const Image&) const = default;
         auto operator<=>(const Image&) const = default;
     };
-    Edge edge(int32_t corner) const { return {vertex(corner, 0), vertex(corner, 1)}; }
     uint32_t parent(int32_t corner, int32_t steps) const {
         return parents_[static_cast<size_t>(vertex(corner, steps))];
     }
@@ -140,18 +173,23 @@ private:
             Image above = image(static_cast<int32_t>(i));
             if (above.p != above.q && above.q != above.r && above.r != above.p) images_.push(static_cast<int32_t>(i));
         }
-        images_.sort([&](int32_t a, int32_t b) {
+        auto less = [&](int32_t a, int32_t b) {
             Image x = image(a), y = image(b);
             return x != y ? x < y : a < b;
-        });
+        };
+        images_.sort(
+            static_cast<size_t>(*std::max_element(parents_.begin(), parents_.end())) + 1,
+            [&](int32_t c) { return static_cast<size_t>(parent(c, 0)); }, less, budget_);
+        images_.restart();
     }
 
+    Budget& budget_;
     Span<const int32_t> faces_;
     Span<const uint32_t> parents_;
     UntoldList edges_, images_;
     Array<uint8_t> told_;
     size_t first_untold_ = 0;
-    bool has_images_ = false;
+    bool has_images_ = false, edges_repeat_ = false;
 };
 
 } // namespace meshtide::inline MESHTIDE_ISA

@@ -18,9 +18,18 @@ struct FacesMemory {
     Budget& budget;
     FrontMemory front;
     CoarseMemory coarse;
-    Array<int32_t> stack, later, within;  // half-edges of gates
-    TruthIndex truth;                     // encoder only
-    bool answered = false, extra = false; // what the encoder's last walk found, as in FacesTraits
+    Array<int32_t> stack, later, within; // half-edges of gates
+    TruthIndex truth;                    // encoder only
+    bool open = false;                   // encoder only: the last level that was clean was not closed
+
+    // Gives back what a level of so many vertices has taken, where that is much.
+    void rest(size_t vertices) {
+        if (vertices < ROOMY) return;
+        front = FrontMemory(budget);
+        coarse = CoarseMemory(budget);
+        for (Array<int32_t>* gates : {&stack, &later, &within}) *gates = Array<int32_t>(budget);
+        truth.rest();
+    }
 };
 
 // What the encoder finds out about a level before it writes it.
@@ -29,15 +38,17 @@ struct FacesTraits {
     bool closed = false;  // every gate has a face among its candidates
     bool clean = false;   // nothing but gates and seeds is needed
     bool extra = true;    // there are faces at edges that have their two
+    bool operator==(const FacesTraits&) const = default;
 };
 
 template <Effort effort, bool positions, class Coder>
 class FacesWalk {
     using Model = FacesModel<effort, positions>;
     using C = FacesContexts;
-    static constexpr bool high = effort == Effort::high && positions;
-    // A gate whose best candidate has no more than this share of the weights waits.
-    static constexpr float DOUBT = high ? 0.6f : 0;
+    static constexpr auto high = FacesAsk<effort, positions>::high;
+    static constexpr auto sighted = FacesAsk<effort, positions>::sighted;
+    // At effort high, a gate whose best candidate has no more than this share of the weights waits.
+    static constexpr float DOUBT = 0.6f;
 
 public:
     FacesWalk(Coder& coder, const Level& coarse, Level& fine, Model& model, FacesMemory& memory, FacesTraits traits)
@@ -45,93 +56,92 @@ public:
           coarse_(coarse, memory.coarse, traits.several), candidates_(front_, model.scores.span()),
           decisions_(coder, model, candidates_), truth_(memory.truth) {}
 
-    // False (encoders only): the level is not clean, though it was said to be.
-    bool run(size_t faces) {
+    // An encoder's walk ends early where the level is not what was said of it.
+    void run(size_t faces) {
         prepare(faces);
         copy_faces();
         run_gates();
         int32_t seed = 0, edge = 0;
-        while (!failed_ && !front_.full()) {
+        while (!failed() && !front_.full()) {
             if (traits_.extra && code_extra(edge)) {
             } else if (next_seed(seed)) {
                 code_seed(seed);
             } else if (!traits_.clean) {
                 code_leftover();
             } else {
-                if constexpr (Coder::encoding) return false;
-                fail(Fault::malformed, "faces are missing");
+                if constexpr (Coder::encoding)
+                    unclean_ = true;
+                else
+                    fail(Fault::malformed, "faces are missing");
             }
             run_gates();
         }
-        if (failed_) return false;
-        front_.finish();
-        return true;
+        if (!failed()) front_.finish();
     }
-    bool every_gate_had_a_face() const { return !unanswered_; }
-    bool had_extra() const { return had_extra_; }
+    // What should have been said of the level (encoders only): the walk was right if it was said.
+    FacesTraits found() const {
+        FacesTraits found = traits_;
+        found.closed = !unanswered_ && (traits_.closed || !unclean_);
+        if (unclean_)
+            found.clean = false, found.extra = truth_.edges_repeat();
+        else if (!failed() && !traits_.clean)
+            found.extra = had_extra_;
+        return found;
+    }
 
 private:
+    // The level is not what was said of it.
+    bool failed() const { return Coder::encoding && (unclean_ || (unanswered_ && traits_.closed)); }
     int code(uint32_t place, bool bit) { return decisions_.code(place, bit); }
     void prepare(size_t faces) {
         size_t n = fine_.parents.size();
         FrontMemory& m = memory_.front;
-        m.rows.resize(n + 3);
-        m.vertices.resize(n + 3);
+        m.vertices.renew(n);
         float scale = 1;
-        if constexpr (positions) scale = 1 / unit_;
-        Span<VertexRow> rows = m.rows.span();
+        if (sighted) scale = 1 / unit_;
         Span<VertexState> states = m.vertices.span();
         for (size_t v = 0; v < n; v++) {
             auto parent = static_cast<int32_t>(fine_.parents[v]);
-            F32x4 row = positions ? fine_.centres[v] * splat(scale) : splat(0);
+            F32x4 row = sighted ? fine_.centres[v] * splat(scale) : splat(0);
             auto bits = reinterpret_cast<I32x4>(row);
             bits[3] = parent;
-            rows[v] = reinterpret_cast<VertexRow>(bits);
-            states[v] = {UNTOUCHED, NONE, 0, coarse_.split(parent)};
+            states[v] = {reinterpret_cast<F32x4>(bits), UNTOUCHED, NONE, 0, coarse_.split(parent), 0};
         }
-        for (size_t v = n; v < n + 3; v++) {
-            rows[v] = splat(0);
-            states[v] = {UNTOUCHED, NONE, 0, 0};
-        }
-        if constexpr (high) m.angles.assign(n + 3, 0);
+        m.serial = 0;
+        if (high) m.angles.assign(n, 0);
         front_.start(faces, std::max(faces, coarse_.face_count()));
         memory_.stack.clear();
         memory_.later.clear();
         memory_.within.clear();
         later_next_ = within_next_ = 0;
-        failed_ = unanswered_ = false;
+        unclean_ = unanswered_ = false;
     }
 
     void copy_faces() {
-        front_.copy(coarse_level_);
-        Span<const uint8_t> copied = memory_.front.copied.span();
+        front_.copy(coarse_level_, [&](int32_t h) { coarse_.copy(h); });
         Span<const int32_t> free_slots = memory_.front.free_slots.span();
-        for (size_t t = 0; t < copied.size(); t++) {
-            if (copied[t] == 0) continue;
-            auto h = 4 * static_cast<int32_t>(t);
-            coarse_.covered(h) = 1;
-            if constexpr (high) front_.add_angles(front_.corner(h), front_.corner(h + 1), front_.corner(h + 2));
-        }
-        if constexpr (Coder::encoding)
-            for (size_t t = 0; t < copied.size(); t++)
-                if (copied[t] != 0) {
-                    auto h = 4 * static_cast<int32_t>(t);
-                    tell_copy(front_.corner(h), front_.corner(h + 1), front_.corner(h + 2));
-                }
+        auto faces = static_cast<int32_t>(coarse_.face_count());
+        if (Coder::encoding || high)
+            for (int32_t h = 0; h < 4 * faces; h += 4) {
+                if (!coarse_.copied(h)) continue;
+                int32_t a = front_.corner(h), b = front_.corner(h + 1), c = front_.corner(h + 2);
+                if (high) front_.add_angles(a, b, c);
+                if constexpr (Coder::encoding) tell_copy(a, b, c);
+            }
         if (front_.face_count() == 0) return;
         for (size_t i = 0; i < free_slots.size(); i++) {
             int32_t t = free_slots[i];
             for (int32_t h = 4 * t; h < 4 * t + 3; h++) {
                 int32_t behind = coarse_.twin(h);
-                if (behind < 0 || copied[static_cast<size_t>(behind) >> 2] == 0) continue;
+                if (behind < 0 || !coarse_.copied(behind)) continue;
                 int32_t p = coarse_.origin(h), q = coarse_.origin(next_half_edge(h));
                 leave(behind, coarse_.first_child(q), coarse_.first_child(p), h);
             }
         }
         if (!coarse_.any_crowded()) return;
-        for (size_t t = 0; t < copied.size(); t++) {
-            if (copied[t] == 0) continue;
-            for (auto h = static_cast<int32_t>(4 * t); h < static_cast<int32_t>(4 * t + 3); h++) {
+        for (int32_t t = 0; t < faces; t++) {
+            if (!coarse_.copied(4 * t)) continue;
+            for (int32_t h = 4 * t; h < 4 * t + 3; h++) {
                 if (front_.twin(h) != NONE) continue;
                 int32_t p = coarse_.origin(h), q = coarse_.origin(next_half_edge(h));
                 if (!coarse_.crowded(q)) continue;
@@ -148,11 +158,11 @@ private:
     }
 
     // A half-edge u -> v for which no gate waits: a gate of its own, if another face may stand there.
-    MESHTIDE_INLINE void leave(int32_t h, int32_t u, int32_t v, int32_t ahead) {
+    MESHTIDE_ONCE void leave(int32_t h, int32_t u, int32_t v, int32_t ahead) {
         bool expected = ((front_.vertex(u).split | front_.vertex(v).split) & 1) != 0;
         if (!expected)
             coarse_.each_at(front_.parent(v), front_.parent(u), ahead, [&](int32_t k) {
-                if (memory_.front.copied[static_cast<size_t>(k) >> 2] == 0) expected = true;
+                if (!coarse_.copied(k)) expected = true;
             });
         if (expected) {
             front_.open(h, u, v, ahead);
@@ -182,11 +192,11 @@ private:
         if (front_.vertex(apex).out >= 0) closing2 = front_.find_gate(apex, second);
         if (front_.vertex(apex).in >= 0) closing1 = front_.find_gate(first, apex);
         int32_t h = 4 * front_.add(first, second, apex);
-        if constexpr (high) front_.add_angles(first, second, apex);
+        if (high) front_.add_angles(first, second, apex);
         front_.join(h, k);
         int32_t ahead1, ahead2;
         if (image >= 0) {
-            coarse_.covered(image) = 1;
+            coarse_.cover(image);
             ahead2 = coarse_.crowded(r) ? ahead(r, q) : coarse_.twin(next_half_edge(image));
             ahead1 = coarse_.crowded(p) ? ahead(p, r) : coarse_.twin(previous_half_edge(image));
         } else if (r == q) {
@@ -209,7 +219,7 @@ private:
     void add_loose(int32_t a, int32_t b, int32_t c) {
         int32_t corners[3] = {a, b, c}, above[3] = {front_.parent(a), front_.parent(b), front_.parent(c)};
         int32_t h = 4 * front_.add(a, b, c);
-        if constexpr (high) front_.add_angles(a, b, c);
+        if (high) front_.add_angles(a, b, c);
         cover(above[0], above[1], above[2]);
         for (int i = 0; i < 3; i++) {
             int j = i == 2 ? 0 : i + 1;
@@ -223,14 +233,14 @@ private:
     void cover(int32_t p, int32_t q, int32_t r) {
         if (p == q || q == r || r == p) return;
         coarse_.each_at(p, q, coarse_.edge(p, q), [&](int32_t k) {
-            if (coarse_.apex(k) == r) coarse_.covered(k) = 1;
+            if (coarse_.apex(k) == r) coarse_.cover(k);
         });
     }
 
     // ---- gates
 
     void run_gates() {
-        while (!failed_ && !front_.full()) {
+        while (!failed() && !front_.full()) {
             if (!memory_.stack.empty()) {
                 int32_t k = front_.gate_at(memory_.stack.pop());
                 if (k >= 0) visit(k, false);
@@ -280,23 +290,28 @@ private:
         }
 
         for (int phase = 0; phase < (shared ? 2 : 1); phase++) {
-            gather(gate, phase);
-            if (refused >= 0) {
-                int lane = candidates_.find(refused);
-                if (lane >= 0) candidates_.drop(lane);
-            }
-            int want = Coder::encoding && wanted >= 0 ? candidates_.find(apex) : NONE;
+            gather(gate, phase, refused);
+            bool last = !shared || phase == 1, certain = traits_.closed && last;
             if (candidates_.count == 0) continue;
-            int best = candidates_.find_best().best;
-            if (!late && candidates_.weight_of[best] < DOUBT * candidates_.total) {
+            if (certain && candidates_.count == 1) {
+                if (Coder::encoding && candidates_.vertex_of[0] != apex) {
+                    unanswered_ = true;
+                    continue;
+                }
+                take(k, candidates_.vertex_of[0], wanted);
+                return;
+            }
+            candidates_.weigh();
+            int want = Coder::encoding && wanted >= 0 ? candidates_.find(apex) : NONE;
+            auto top = candidates_.find_best();
+            if (high && !late && candidates_.weight_of[top.best] < DOUBT * candidates_.total) {
                 memory_.later.push(gate.half_edge);
                 return;
             }
-            bool last = !shared || phase == 1;
             if (want < 0 && last) unanswered_ = true;
-            if (!(traits_.closed && last) && decisions_.code_has_face(kind_of(gate, phase), best, want >= 0) == 0)
-                continue;
-            int lane = decisions_.choose(want, true);
+            if (Coder::encoding && certain && want < 0) continue;
+            if (!certain && decisions_.code_has_face(kind_of(gate, phase), top.best, want >= 0) == 0) continue;
+            int lane = decisions_.choose(top, want, true);
             take(k, candidates_.vertex_of[lane], wanted);
             return;
         }
@@ -309,7 +324,7 @@ private:
                 return;
             }
         } else if (Coder::encoding && wanted >= 0) {
-            failed_ = true;
+            unclean_ = true;
         }
         unanswered_ = true;
         front_.twin(gate.half_edge) = NONE;
@@ -333,15 +348,14 @@ private:
         return {family, static_cast<uint32_t>((a.split >> 1) + (b.split >> 1)),
                 static_cast<uint32_t>((a.split | b.split) & 1)};
     }
-    void gather(const Gate& gate, int phase) {
+    void gather(const Gate& gate, int phase, int32_t refused) {
         int32_t first = gate.to, second = gate.from;
         int32_t p = front_.parent(first), q = front_.parent(second);
-        candidates_.aim(gate.half_edge, first, second);
-        if constexpr (high) tell_lack(p, q);
+        candidates_.aim(gate.half_edge, first, second, refused);
+        if (high) tell_lack(p, q);
         if (p != q) {
-            coarse_.each_at(p, q, gate.ahead, [&](int32_t k) {
-                add_children(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
-            });
+            coarse_.each_at(p, q, gate.ahead,
+                            [&](int32_t k) { add_children(coarse_.apex(k), coarse_.covered(k) ? COVERED : AHEAD); });
             add_children(p, SIBLING, first);
             add_children(q, SIBLING, second);
         } else if (phase == 0) {
@@ -349,12 +363,10 @@ private:
         } else {
             coarse_.each_neighbour(p, [&](int32_t r) { add_children(r, AROUND); });
         }
-        candidates_.weigh();
     }
     template <bool all = false>
-    MESHTIDE_INLINE void add_children(int32_t p, Kind kind, int32_t near = NONE) {
+    MESHTIDE_ONCE void add_children(int32_t p, Kind kind, int32_t near = NONE) {
         int32_t base = coarse_.first_child(p), size = coarse_.child_count(p);
-        if constexpr (high) candidates_.family_lack = lack(p);
         if (near >= 0) {
             if (size == 1) return;
             if (size > 32) { // only those around
@@ -362,7 +374,7 @@ private:
                 base = std::max(base, near - 16), size = end - base;
             }
         }
-        candidates_.template add<all>(base, size, kind);
+        candidates_.template add<all>(base, size, kind, high ? lack(p) : 0);
     }
 
     int lack(int32_t p) const { return 8 * (std::min(coarse_.child_count(p), 3) - 1) + coarse_.uncovered_around(p); }
@@ -375,13 +387,11 @@ private:
 
     // All vertices near a half-edge's face, in whatever state. refused: without those that its gate has offered.
     void gather_all(int32_t half_edge, int32_t first, int32_t second, bool refused) {
-        candidates_.aim(half_edge, first, second);
+        candidates_.aim(half_edge, first, second, NONE);
         int32_t p = front_.parent(first), q = front_.parent(second);
-        if constexpr (high) tell_lack(p, q);
+        if (high) tell_lack(p, q);
         if (p != q) {
-            auto see = [&](int32_t k) {
-                add_children<true>(coarse_.apex(k), coarse_.covered(k) != 0 ? COVERED : AHEAD);
-            };
+            auto see = [&](int32_t k) { add_children<true>(coarse_.apex(k), coarse_.covered(k) ? COVERED : AHEAD); };
             coarse_.each_at(p, q, coarse_.edge(p, q), see);
             coarse_.each_at(q, p, coarse_.edge(q, p), see);
             add_children<true>(p, SIBLING, first);
@@ -400,7 +410,7 @@ private:
     int32_t code_apex(int32_t first, int32_t second, int32_t apex) {
         int want = Coder::encoding ? candidates_.find(apex) : NONE;
         if (candidates_.count > 0 && code(C::ESCAPE + 8, want >= 0) != 0) {
-            return candidates_.vertex_of[decisions_.choose(want, false)];
+            return candidates_.vertex_of[decisions_.choose(candidates_.find_best(), want, false)];
         }
         return code_vertex(0, first, apex, second);
     }
@@ -426,7 +436,7 @@ private:
             } else if (coarse_.crowded(p) || coarse_.crowded(q)) {
                 auto see = [&](int32_t k) {
                     faces++;
-                    uncovered += coarse_.covered(k) == 0;
+                    uncovered += !coarse_.covered(k);
                     split = split || coarse_.split(coarse_.apex(k));
                 };
                 coarse_.each_at(p, q, coarse_.edge(p, q), see);
@@ -459,7 +469,7 @@ private:
 
     bool next_seed(int32_t& seed) {
         auto faces = static_cast<int32_t>(coarse_.face_count());
-        while (seed < faces && coarse_.covered(4 * seed) != 0) seed++;
+        while (seed < faces && coarse_.covered(4 * seed)) seed++;
         return seed < faces;
     }
     // The face above a coarse face that is not covered: three corners, nearest first.
@@ -470,11 +480,11 @@ private:
             wanted = truth_.find_above(static_cast<uint32_t>(above[0]), static_cast<uint32_t>(above[1]),
                                        static_cast<uint32_t>(above[2]));
             if (wanted < 0 && traits_.clean) {
-                failed_ = true;
+                unclean_ = true;
                 return;
             }
         }
-        coarse_.covered(4 * seed) = 1;
+        coarse_.cover(4 * seed);
         if (!traits_.clean && code(C::SEED, wanted >= 0) == 0) return;
         for (int k = 0; k < 3; k++) {
             int32_t base = coarse_.first_child(above[k]), size = coarse_.child_count(above[k]);
@@ -496,7 +506,7 @@ private:
             int32_t v = base + i;
             float distance = 0;
             for (int j = 0; j < known; j++) {
-                if constexpr (positions) {
+                if (sighted) {
                     F32x4 way = front_.position(v) - front_.position(corners[j]);
                     distance += dot3(way, way);
                 } else {
@@ -543,7 +553,7 @@ private:
     TruthIndex& truth_;
     float unit_ = 1;
     size_t later_next_ = 0, within_next_ = 0;
-    bool failed_ = false, unanswered_ = false, had_extra_ = false;
+    bool unclean_ = false, unanswered_ = false, had_extra_ = false; // what an encoder finds
     int32_t last_leftover_ = 0;
 
 public:

@@ -5,14 +5,9 @@
 #include "map/octants.hpp"
 #include "mesh/cell_table.hpp"
 #include "mesh/level.hpp"
+#include "mesh/mirror_plane.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
-
-// A plane across an axis takes finest coordinate x to sum - x. Axis -1: none.
-struct MapMirror {
-    int axis = -1;
-    int32_t sum = 0;
-};
 
 typedef std::array<uint32_t, 3> Cell;
 
@@ -88,7 +83,7 @@ public:
 
     // The children of the image of cell v, reflected: those of each of its halves that has an image. False if none has
     // one, or one's image is not before v.
-    bool find_image(const MapMirror& mirror, F32x4 centre, size_t v, Span<const Note> notes, Children& image) const {
+    bool find_image(const MirrorPlane& mirror, F32x4 centre, size_t v, Span<const Note> notes, Children& image) const {
         auto axis = static_cast<size_t>(mirror.axis);
         Cell cell = cell_of(centre);
         bool known = false;

@@ -13,7 +13,7 @@ namespace meshtide::inline MESHTIDE_ISA {
 struct MapOptions {
     int bits = 0;        // of the finest coordinates
     size_t vertices = 0; // of the finest mesh
-    MapMirror mirror;
+    MirrorPlane mirror;
 };
 
 // What an encoder knows of each coarse cell, as masks; of no meaning for leaves.
@@ -21,25 +21,15 @@ struct MapTruth {
     Span<const uint8_t> octants, leaves;
 };
 
-// One decision. Trainers look at questions instead of coding them.
-template <class Coder, class Mix>
-MESHTIDE_INLINE bool decide(Coder& coder, const Mix& mixer, const typename Mix::Question& question, uint32_t bit) {
-    if constexpr (requires { coder.watch(question, bit); }) {
-        coder.watch(question, bit);
-        return bit != 0;
-    } else {
-        return mixer.code(coder, question, static_cast<int>(bit)) != 0;
-    }
-}
-
 template <Effort effort, class Coder>
 class MapWalk {
-    typedef MapShape<effort> Shape;
-    typedef typename Shape::Mix Mix;
+    typedef MapMixer<effort> Mix;
+    // Whether all neighbours that touch a cell are asked, or only those in its ring.
+    static constexpr auto all_contacts = IS_HIGH<effort>;
 
 public:
     MapWalk(Coder& coder, const MapOptions& options, MapModel<effort>& model, const Level& coarse)
-        : coder_(coder), options_(options), coarse_(coarse), room_(model.room), mixer_(model.states()),
+        : coder_(coder), options_(options), coarse_(coarse), room_(model.room), mixer_(model.mixer_states()),
           last_(coarse.depth + 1 == options.bits),
           step_(static_cast<float>(static_cast<int32_t>(1) << (options.bits - coarse.depth))) {
         for (int g = 0; g < Mix::context_count / 4; g++) question_.opposed[g] = splat16(0);
@@ -93,7 +83,7 @@ private:
 
     void prepare() {
         size_t n = coarse_.vertex_count();
-        room_.notes.resize(n);
+        room_.notes.renew(n);
         room_.places.copy(coarse_.centres.span());
         room_.bulges.assign(n, splat(0));
         for (size_t v = 0; v < n; v++) {
@@ -104,7 +94,7 @@ private:
             vertices_ += leaf ? 1 : 0;
         }
         expect(needed_ <= options_.vertices, "more cells than vertices");
-        if (Shape::all_contacts || options_.mirror.axis >= 0) room_.index.prepare(coarse_, options_.bits);
+        if (all_contacts || options_.mirror.exists()) room_.index.prepare(coarse_, options_.bits);
         around_ = {coarse_.centres.span(), room_.notes.span(), room_.places.span(), room_.bulges.span(), 1.0f / step_};
     }
 
@@ -112,15 +102,15 @@ private:
         Survey survey;
         Ring ring;
         walk_ring(coarse_, v, ring);
-        take_survey<!Shape::all_contacts>(survey, around_, ring, v);
-        if constexpr (Shape::all_contacts) find_contacts(survey, around_, room_.index, v);
+        take_survey(survey, around_, ring, v, !all_contacts);
+        if (all_contacts) find_contacts(survey, around_, room_.index, v);
         CellFacts cell;
         describe(survey, cell);
         cell.recent = std::min(recent_ >> 4, 15u);
         cell.recent_leaves = recent_leaves_ >> 4;
         Children image;
         bool imaged = false;
-        if (options_.mirror.axis >= 0) {
+        if (options_.mirror.exists()) {
             imaged = room_.index.find_image(options_.mirror, coarse_.centres[v], v, around_.notes, image);
             cell.mirror = imaged ? 2 + std::min(trust_, 2u) : 1;
             cell.trusted = imaged ? (trust_ < 2 ? 1 : 2) : 0;
@@ -162,7 +152,7 @@ private:
                 facts.answer = image == nullptr ? 0 : 1 + (image->octants >> octant & 1);
                 facts.height = cell.heights[rank];
                 ask<effort>(question_, cell, facts);
-                occupied = decide(coder_, mixer_, question_, wanted >> octant & 1);
+                occupied = mixer_.code(coder_, question_, static_cast<int>(wanted >> octant & 1)) != 0;
             }
             facts.path = 2 * facts.path + occupied;
             facts.count += occupied;
@@ -194,7 +184,7 @@ private:
             facts.answer = image == nullptr ? 0 : 1 + (image->leaves >> octant & 1);
             facts.height = cell.heights[rank];
             ask<effort>(question_, cell, facts);
-            bool leaf = decide(coder_, mixer_, question_, wanted.leaves >> octant & 1);
+            bool leaf = mixer_.code(coder_, question_, static_cast<int>(wanted.leaves >> octant & 1)) != 0;
             made |= static_cast<uint32_t>(leaf) << octant;
             (leaf ? facts.leaves : facts.inner)++;
         }

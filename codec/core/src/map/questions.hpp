@@ -24,14 +24,12 @@ constexpr Blocks<N> make_blocks(uint32_t start, const std::array<uint32_t, N>& s
     return blocks;
 }
 
-// The mixer, and how many contexts and neurons there are of each kind, in the order in which ask() lists them.
+// How many contexts and neurons there are of each kind, in the order in which ask() lists them.
 template <Effort effort>
 struct MapShape;
 
 template <>
 struct MapShape<Effort::standard> {
-    typedef Mixer<2, 3, 4> Mix;
-    static constexpr bool all_contacts = false; // neighbours that touch a cell are those in its ring
     static constexpr std::array<uint32_t, 8> octant_contexts = {256, 1728, 1680, 600, 6912, 1275, 20480, 3564};
     static constexpr std::array<uint32_t, 3> octant_neurons = {96, 112, 16};
     static constexpr std::array<uint32_t, 8> child_contexts = {1088, 1024, 1024, 240, 256, 3600, 4374, 96};
@@ -40,8 +38,6 @@ struct MapShape<Effort::standard> {
 
 template <>
 struct MapShape<Effort::high> {
-    typedef Mixer<3, 6, 4> Mix;
-    static constexpr bool all_contacts = true; // all neighbours that touch it
     static constexpr std::array<uint32_t, 12> octant_contexts = {7168,  1728, 10752, 600,    16384, 4352,
                                                                  20480, 3564, 4096,  110592, 6912,  4096};
     static constexpr std::array<uint32_t, 6> octant_neurons = {96, 112, 16, 64, 27, 144};
@@ -62,11 +58,15 @@ struct MapPlaces {
 };
 
 template <Effort effort>
-using MapQuestion = typename MapShape<effort>::Mix::Question;
+using MapMixer = EffortMixer<effort, FixedShape<2, 3, 4>, FixedShape<3, 6, 4>>;
+template <Effort effort>
+using MapQuestion = typename MapMixer<effort>::Question;
 
+// In whole vectors, since they are loaded as such; the last one is filled up with 0.
 template <size_t N>
 MESHTIDE_INLINE void put_places(uint32_t* places, const Blocks<N>& blocks, const std::array<uint32_t, N>& indices) {
-    for (size_t i = 0; i < N; i++) places[i] = blocks.starts[i] + indices[i];
+    auto place = [&](size_t i) { return i < N ? blocks.starts[i] + indices[i] : 0; };
+    for (size_t i = 0; i < N; i += 4) store(places + i, U32x4{place(i), place(i + 1), place(i + 2), place(i + 3)});
 }
 // Inputs of the mixer beside the contexts; below 2^11.
 MESHTIDE_INLINE I16x8 numbers(const std::array<uint32_t, 8>& values) {
@@ -82,13 +82,13 @@ MESHTIDE_INLINE uint32_t distance_class(const CellFacts& cell, int32_t height) {
 // Is the octant occupied?
 template <Effort effort>
 MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, const OctantFacts& o) {
-    typedef MapPlaces<effort> Places;
     const bool oriented = c.normal_class != 6;
     const uint32_t count3 = std::min(o.count, 3u), count4 = std::min(o.count, 4u);
     const auto above_lowest = static_cast<uint32_t>(o.height + 3 * HEIGHT_ONE); // 0 .. 1024
     const uint32_t height = oriented ? above_lowest >> 6 : 12,
                    fine_height = oriented ? std::min(above_lowest >> 5, 31u) : 32;
-    if constexpr (effort == Effort::standard) {
+    if (!IS_HIGH<effort>) {
+        typedef MapPlaces<Effort::standard> Places;
         put_places(
             question.contexts, Places::octant_contexts,
             {o.path,                  // the octants before it
@@ -104,6 +104,7 @@ MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, cons
                     (c.normal_class * 4 + o.vote) * 4 + count3, //
                     c.trusted * 4 + o.vote});
     } else {
+        typedef MapPlaces<Effort::high> Places;
         put_places(question.contexts, Places::octant_contexts,
                    {(o.path * 7 + c.normal_class) * 4 + o.vote, // the octants before it, and how the surface leans
                     o.faces * 27 + o.beside, // what lies across its faces, outside and inside of the cell
@@ -134,12 +135,12 @@ MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, cons
 // Is the child a leaf?
 template <Effort effort>
 MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, const ChildFacts& l) {
-    typedef MapPlaces<effort> Places;
     const uint32_t inner3 = std::min(l.inner, 3u), leaves3 = std::min(l.leaves, 3u);
     const uint32_t place = (std::min(l.count, 5u) - 2) * 4 + inner3;
     const uint32_t touching4 = std::min(l.touching_leaves, 3u) * 4 + std::min(l.touching_inner, 3u);
     const uint32_t touching5 = std::min(l.touching_leaves, 4u) * 5 + std::min(l.touching_inner, 4u);
-    if constexpr (effort == Effort::standard) {
+    if (!IS_HIGH<effort>) {
+        typedef MapPlaces<Effort::standard> Places;
         put_places(
             question.contexts, Places::child_contexts,
             {(touching4 * 17 + c.recent_leaves) * 4 + inner3,              // children that touch it, and leaves of late
@@ -153,6 +154,7 @@ MESHTIDE_INLINE void ask(MapQuestion<effort>& question, const CellFacts& c, cons
         put_places(question.neurons, Places::child_neurons,
                    {l.beside * 4 + l.vote, c.ratio * 4 + c.trusted, l.votes * 8 + l.leaf_votes});
     } else {
+        typedef MapPlaces<Effort::high> Places;
         put_places(
             question.contexts, Places::child_contexts,
             {(touching4 * 17 + c.recent_leaves) * 4 + inner3,              // children that touch it, and leaves of late

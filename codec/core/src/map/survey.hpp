@@ -1,4 +1,4 @@
-// What the fan around a cell tells of its children, before any of them is coded (docs/format.md, Map).
+// What the fan around a cell tells of its children, before any of them is coded (docs/format.md, Survey of a cell).
 #pragma once
 
 #include "map/cell_index.hpp"
@@ -84,8 +84,7 @@ MESHTIDE_INLINE void find_frame(Survey& s, F32x4 turn, F32x4 plane) {
 }
 
 // `touching`: whether neighbours that touch the cell are taken from the ring.
-template <bool touching>
-MESHTIDE_INLINE void take_survey(Survey& s, const Vicinity& around, const Ring& ring, size_t v) {
+MESHTIDE_INLINE void take_survey(Survey& s, const Vicinity& around, const Ring& ring, size_t v, bool touching) {
     const F32x4 zero = splat(0), centre = around.centres[v], scale = splat(around.scale);
     F32x4 lengths = zero, mean = zero, known = zero, bulge = zero, turn = zero, first = zero, before = zero;
     s.count = static_cast<uint32_t>(ring.count);

@@ -10,11 +10,12 @@
 namespace meshtide::inline MESHTIDE_ISA {
 
 constexpr int32_t NONE = -1;
+constexpr size_t ROOMY = 1 << 17; // vertices of a level that is worth to give back the rooms it was made in
 
 struct Level {
     explicit Level(Budget& budget)
         : centres(budget), cell_depths(budget), leaves(budget), parents(budget), first_children(budget),
-          corners(budget), twins(budget), heads(budget), degrees(budget) {}
+          corners(budget), twins(budget), heads(budget) {}
 
     int depth = 0;
     size_t vertex_count() const { return centres.size(); }
@@ -30,16 +31,19 @@ struct Level {
     Array<int32_t> corners; // the vertex where it begins
     Array<int32_t> twins;   // the half-edge that runs back; NONE at a border
     // Of each vertex.
-    Array<int32_t> heads;    // a half-edge that leaves it, one without a twin if there is one; NONE without faces
-    Array<uint32_t> degrees; // faces
+    Array<int32_t> heads; // a half-edge that leaves it, one without a twin if there is one; NONE without faces
 };
 
 MESHTIDE_INLINE int32_t next_half_edge(int32_t h) { return (h & 3) == 2 ? h - 2 : h + 1; }
 MESHTIDE_INLINE int32_t previous_half_edge(int32_t h) { return (h & 3) == 0 ? h + 2 : h - 1; }
 
-// Pairs half-edges that run to and fro between the same two vertices, in the order of their numbers, and fills heads
-// and degrees, from the corners alone.
+// Pairs half-edges that run to and fro between the same two vertices, in the order of their numbers, and fills heads,
+// from the corners alone.
 void link(Level& level, Budget& budget);
+
+// Faces of a level as they are told to others: each rotated so that its least corner comes first, in lexicographic
+// order.
+void canonical_faces(const Level& level, Array<int32_t>& faces, Budget& budget);
 
 // The fan of v's head: its neighbours one after the other, at most `RING_LIMIT`. With more than one fan at v (the mesh
 // is not a manifold there) the others are not seen.
@@ -49,7 +53,7 @@ struct Ring {
     bool closed = false;
     int32_t members[RING_LIMIT + 1];
 };
-MESHTIDE_INLINE void walk_ring(const Level& level, size_t vertex, Ring& ring) {
+MESHTIDE_ONCE void walk_ring(const Level& level, size_t vertex, Ring& ring) {
     ring.count = 0;
     ring.closed = false;
     int32_t head = level.heads[vertex];

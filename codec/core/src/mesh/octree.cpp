@@ -1,5 +1,7 @@
 #include "mesh/octree.hpp"
 
+#include "mesh/morton.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -24,44 +26,70 @@ Triangle rotated(int32_t a, int32_t b, int32_t c) {
 
 } // namespace
 
+void check_positions(Span<const int32_t> positions, int bits) {
+    size_t vertices = positions.size() / 3;
+    require(vertices > 0 && vertices < 1u << 28, "a mesh on a grid has at least one vertex, and fewer than 2^28");
+    for (int32_t coordinate : positions)
+        require(coordinate >= 0 && coordinate >> bits == 0, "positions outside of the grid; quantize the mesh first");
+}
+
+void check_grid_mesh(Span<const int32_t> positions, Span<const int32_t> faces, int bits) {
+    check_positions(positions, bits);
+    size_t vertices = positions.size() / 3;
+    for (size_t v = 1; v < vertices; v++)
+        require(morton_code(&positions[3 * v - 3]) < morton_code(&positions[3 * v]),
+                "positions must be pairwise different and in Morton order; weld and sort them first");
+    require(faces.size() / 3 < 1u << 28, "a mesh on a grid has fewer than 2^28 faces");
+    for (int32_t corner : faces)
+        require(corner >= 0 && static_cast<size_t>(corner) < vertices, "a face names a vertex that is not there");
+}
+
 Octree::Octree(Span<const int32_t> positions_, Span<const int32_t> faces, int bits_, Budget& budget)
     : bits(bits_), positions(positions_) {
+    check_grid_mesh(positions, faces, bits);
+    for (size_t t = 0; t < faces.size(); t += 3)
+        require(faces[t] != faces[t + 1] && faces[t + 1] != faces[t + 2] && faces[t + 2] != faces[t],
+                "a face with two equal corners");
     size_t n = positions.size() / 3;
-    auto same_cell = [&](size_t i, size_t j, int shift) {
-        for (size_t k = 0; k < 3; k++)
-            if (positions[3 * i + k] >> shift != positions[3 * j + k] >> shift) return false;
-        return true;
-    };
-    for (int b = 0; b <= bits; b++) depths.emplace_back(budget);
-    Array<uint32_t> cells(budget), above(budget); // of each finest vertex, at this depth and at the one above
-    cells.resize(n);
-    above.assign(n, 0);
-    for (int b = 0; b <= bits; b++) {
-        Depth& depth = depths[static_cast<size_t>(b)];
-        for (size_t i = 0; i < n; i++) {
-            if (i == 0 || !same_cell(i, i - 1, bits - b)) {
-                depth.first.push(static_cast<uint32_t>(i));
-                depth.parents.push(above[i]);
-            }
-            cells[i] = static_cast<uint32_t>(depth.first.size() - 1);
-        }
+    // At which depth each vertex and the one before it part: there, and at all greater depths, a cell begins with it.
+    Array<uint8_t> parting(budget);
+    parting.resize(n);
+    size_t beginning[32] = {}; // cells that begin at each depth
+    parting[0] = 0;
+    beginning[0] = 1;
+    int last = 0; // depth at which all cells are leaves
+    for (size_t i = 1; i < n; i++) {
+        parting[i] = static_cast<uint8_t>(parting_depth(i - 1, i));
+        beginning[parting[i]]++;
+        last = std::max<int>(last, parting[i]);
+    }
+    size_t count = 0;
+    for (int b = 0; b <= last; b++) {
+        Depth& depth = depths.emplace_back(budget);
+        count += beginning[b];
+        depth.first.reserve(count + 1);
+        for (size_t i = 0; i < n; i++)
+            if (parting[i] <= b) depth.first.push(static_cast<uint32_t>(i));
         depth.first.push(static_cast<uint32_t>(n));
-        above.swap(cells);
     }
     // Faces from the finest depth up: those of a depth come from those below, of which ever more fall together.
-    std::vector<Triangle> triangles;
-    for (size_t t = 0; t < faces.size() / 3; t++)
-        triangles.push_back(rotated(faces[3 * t], faces[3 * t + 1], faces[3 * t + 2]));
-    for (int b = bits; b >= 0; b--) {
+    Array<Triangle> triangles(budget);
+    triangles.resize(faces.size() / 3);
+    for (size_t t = 0; t < triangles.size(); t++)
+        triangles[t] = rotated(faces[3 * t], faces[3 * t + 1], faces[3 * t + 2]);
+    Array<uint32_t> parents(budget);
+    for (int b = last; b >= 0; b--) {
         Depth& depth = depths[static_cast<size_t>(b)];
+        find_parents(b, parents);
         std::sort(triangles.begin(), triangles.end());
-        triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
+        triangles.resize(static_cast<size_t>(std::unique(triangles.begin(), triangles.end()) - triangles.begin()));
+        depth.faces.reserve(3 * triangles.size());
         for (const Triangle& t : triangles) {
             depth.faces.push(t.a);
             depth.faces.push(t.b);
             depth.faces.push(t.c);
         }
-        auto parent = [&](int32_t v) { return static_cast<int32_t>(depth.parents[static_cast<size_t>(v)]); };
+        auto parent = [&](int32_t v) { return static_cast<int32_t>(parents[static_cast<size_t>(v)]); };
         size_t kept = 0;
         for (const Triangle& t : triangles) {
             int32_t a = parent(t.a), c = parent(t.b), d = parent(t.c);
@@ -71,36 +99,50 @@ Octree::Octree(Span<const int32_t> positions_, Span<const int32_t> faces, int bi
     }
 }
 
+void Octree::find_parents(int b, Array<uint32_t>& parents) const {
+    const Depth &depth = at(b), &above = at(std::max(b - 1, 0));
+    parents.resize(depth.cell_count());
+    for (size_t cell = 0, parent = 0; cell < parents.size(); cell++) {
+        parent = above.cell_of(depth.first[cell], parent);
+        parents[cell] = static_cast<uint32_t>(parent);
+    }
+}
+
+int Octree::parting_depth(size_t i, size_t j) const {
+    uint32_t differing = 0;
+    for (size_t k = 0; k < 3; k++) differing |= static_cast<uint32_t>(positions[3 * i + k] ^ positions[3 * j + k]);
+    return bits - (32 - std::countl_zero(differing)) + 1;
+}
+
+int Octree::leaf_depth(size_t vertex) const {
+    int depth = 0;
+    if (vertex > 0) depth = parting_depth(vertex - 1, vertex);
+    if (vertex + 1 < positions.size() / 3) depth = std::max(depth, parting_depth(vertex, vertex + 1));
+    return depth;
+}
+
 void Octree::make_level(int b, Level& level, Budget& budget) const {
-    const Depth& depth = depths[static_cast<size_t>(b)];
+    const Depth& depth = at(b);
     size_t n = depth.cell_count();
     level.depth = b;
     level.centres.resize(n);
     level.cell_depths.resize(n);
     level.leaves.resize(n);
-    level.parents.copy(depth.parents.span());
+    find_parents(b, level.parents);
     level.first_children.clear();
-    if (b < bits) {
+    if (static_cast<size_t>(b) + 1 < depths.size()) {
         const Depth& below = depths[static_cast<size_t>(b) + 1];
         level.first_children.assign(n + 1, 0);
-        for (uint32_t parent : below.parents) level.first_children[parent + 1]++;
+        for (size_t child = 0, parent = 0; child < below.cell_count(); child++) {
+            parent = depth.cell_of(below.first[child], parent);
+            level.first_children[parent + 1]++;
+        }
         for (size_t v = 0; v < n; v++) level.first_children[v + 1] += level.first_children[v];
     }
     for (size_t v = 0; v < n; v++) {
         size_t i = depth.first[v];
-        int cell_depth = b;
         bool leaf = depth.is_leaf(v);
-        if (leaf) { // the first depth at which its cell holds it alone
-            cell_depth = 0;
-            auto shared = [&](size_t j) {
-                uint32_t differing = 0;
-                for (size_t k = 0; k < 3; k++)
-                    differing |= static_cast<uint32_t>(positions[3 * i + k] ^ positions[3 * j + k]);
-                return bits - (32 - std::countl_zero(differing)) + 1; // the depth that parts them
-            };
-            if (i > 0) cell_depth = std::max(cell_depth, shared(i - 1));
-            if (i + 1 < positions.size() / 3) cell_depth = std::max(cell_depth, shared(i + 1));
-        }
+        int cell_depth = leaf ? leaf_depth(i) : b;
         level.leaves[v] = leaf;
         level.cell_depths[v] = static_cast<uint8_t>(cell_depth);
         int shift = bits - cell_depth;

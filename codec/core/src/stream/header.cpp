@@ -4,6 +4,15 @@
 
 namespace meshtide {
 
+void check_share(uint64_t vertices, uint64_t faces, uint64_t told_bytes, const Limits& limits) {
+    auto most = [told_bytes](uint64_t free, uint64_t share) {
+        uint64_t earned = told_bytes > UINT64_MAX / share ? UINT64_MAX : told_bytes * share;
+        return earned > free ? earned : free;
+    };
+    expect_at_most(vertices, most(FREE_VERTICES, limits.vertices_per_byte), "vertices_per_byte");
+    expect_at_most(faces, most(FREE_FACES, limits.faces_per_byte), "faces_per_byte");
+}
+
 namespace {
 
 // A row of the packet table begins with kind + 8 step + 32 completes.
@@ -111,13 +120,7 @@ void check_shares(const Header& header, size_t header_bytes, const Limits& limit
     uint64_t bytes = header_bytes;
     for (size_t level = MOST_LEVEL + 1; level-- > 0;) known[level] = bytes += known[level];
     for (const StateEntry& state : header.states) {
-        uint64_t told = known[state.level];
-        auto most = [told](uint64_t free, uint64_t share) {
-            uint64_t earned = told > UINT64_MAX / share ? UINT64_MAX : told * share;
-            return earned > free ? earned : free;
-        };
-        expect_at_most(state.vertices, most(FREE_VERTICES, limits.vertices_per_byte), "vertices_per_byte");
-        expect_at_most(state.faces, most(FREE_FACES, limits.faces_per_byte), "faces_per_byte");
+        check_share(state.vertices, state.faces, known[state.level], limits);
     }
 }
 

@@ -27,6 +27,9 @@ struct Limits {
 };
 constexpr uint64_t FREE_VERTICES = 1u << 16, FREE_FACES = 1u << 17;
 
+// Fails where so few bytes claim a mesh of that size.
+void check_share(uint64_t vertices, uint64_t faces, uint64_t told_bytes, const Limits& limits);
+
 enum class Profile : uint8_t { classic = 0, compact = 1 };
 enum class PacketKind : uint8_t { base = 0, map_conn = 1, param = 2, diff = 3, preview = 4, order = 5 };
 constexpr uint32_t PACKET_KINDS = 6;

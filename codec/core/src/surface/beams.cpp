@@ -6,7 +6,6 @@ namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
-constexpr double THIN = 8.0;      // diagonals of a range's box are at least so many radii long
 constexpr double WORTH = 4.0;     // a beam pays where the second longest side of the box is so many radii
 constexpr double ROUNDING = 1e-9; // of lengths: left of a beam to be sure that no triangle sticks out
 

@@ -29,6 +29,8 @@ struct BeamRange {
 
 // Diagonals of boxes are at most so many longest edges where there can be a beam.
 constexpr double SPANNED = 4.0;
+// And at least so many radii of the beam.
+constexpr double THIN = 8.0;
 
 enum class Thinness { wide, thin, worth_a_beam };
 

@@ -2,6 +2,8 @@
 
 #include "surface/closest_points_tree.hpp"
 
+#include <algorithm>
+
 namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
@@ -12,8 +14,6 @@ constexpr double ORDINARY = 40.0;      // visited nodes of a search that is no r
 constexpr double VISITS_ALLOWED = 3e5; // nodes visited in all before fewer points are looked at
 
 double clamped(double value) { return value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value; }
-
-MESHTIDE_INLINE F32x4 dot(const F32x4 (&a)[3], const F32x4 (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 // Squared distance of a point from segments: `offset` is from their start to it, `along` their extent.
 MESHTIDE_INLINE F32x4 squared_from_segments(const F32x4 (&offset)[3], const F32x4 (&along)[3]) {
@@ -144,6 +144,14 @@ struct ClosestPoints::Contest {
     }
 };
 
+// What is visited next is not always in the cache: most time would be spent on waiting for it.
+MESHTIDE_INLINE void ClosestPoints::prefetch(int32_t child) const {
+    auto start = child < 0 ? reinterpret_cast<const char*>(blocks_.begin() + ~child)
+                           : reinterpret_cast<const char*>(nodes_.begin() + child);
+    size_t size = child < 0 ? sizeof(Block) : sizeof(Node);
+    for (size_t at = 0; at < size; at += 64) __builtin_prefetch(start + at);
+}
+
 Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& visits) const {
     Vector scaled = (at - centre_) * scale_;
     Point point{{splat(static_cast<float>(scaled.x)), splat(static_cast<float>(scaled.y)),
@@ -174,6 +182,7 @@ Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& vis
                 auto lane = static_cast<size_t>(__builtin_ctz(static_cast<unsigned>(near)));
                 Pending found{node.children[lane], squared[lane]};
                 if (found.child == first) continue;
+                prefetch(found.child);
                 if (node.beams[lane] >= 0) [[unlikely]] {
                     double apart = beams_[static_cast<size_t>(node.beams[lane])].squared_distance(at);
                     if (apart * scale_ * scale_ > static_cast<double>(contest.limit)) continue;
@@ -200,6 +209,7 @@ Closest ClosestPoints::search(Vector at, size_t hint, double enough, size_t& vis
         if (!found) break;
         child = pending[height].child;
     }
+    if (enough > 0.0 && static_cast<double>(contest.limit) <= enough_scaled) return {0.0, {}};
     contest.measure();
     return contest.best;
 }
@@ -232,12 +242,23 @@ size_t ClosestPoints::stride(Span<const Vector> points) const {
     return 1 + static_cast<size_t>(visits_per_search(points) * count / allowed);
 }
 
-Spread ClosestPoints::spread(Span<const Vector> points) const {
+// The first place from `place` on whose key is not below `key`, or the last one: keys come in ascending order, if both
+// surfaces have the same curve.
+size_t ClosestPoints::follow(size_t place, uint64_t key) const {
+    size_t size = keys_.size(), step = 1;
+    if (place > 0 && keys_[place - 1] >= key) place = 0;
+    while (place + step < size && keys_[place + step - 1] < key) place += step, step *= 2;
+    const uint64_t* keys = keys_.begin();
+    const uint64_t* end = keys + std::min(place + step, size - 1);
+    return static_cast<size_t>(std::lower_bound(keys + place, end, key) - keys);
+}
+
+Spread ClosestPoints::spread(const CurvePoints& points) const {
     Spread spread;
-    size_t hint = order_[0], done = 0, step = stride(points);
-    for (size_t i = 0; i < points.size(); i += step, done++) {
-        Closest found = closest(points[i], hint);
-        hint = static_cast<size_t>(found.foot.face);
+    size_t place = 0, done = 0, step = stride(points.at.span());
+    for (size_t i = 0; i < points.at.size(); i += step, done++) {
+        place = follow(place, points.keys[i]);
+        Closest found = closest(points.at[i], order_[place]);
         spread.mean += found.squared;
         if (found.squared > spread.largest) spread.largest = found.squared;
     }
@@ -245,14 +266,39 @@ Spread ClosestPoints::spread(Span<const Vector> points) const {
     return spread;
 }
 
-double ClosestPoints::largest(Span<const Vector> points, double floor) const {
-    size_t hint = order_[0], step = stride(points);
-    for (size_t i = 0; i < points.size(); i += step) {
-        Closest found = closest(points[i], hint, floor);
-        hint = static_cast<size_t>(found.foot.face);
+double ClosestPoints::largest(const CurvePoints& points, double floor) const {
+    size_t place = 0, step = stride(points.at.span());
+    for (size_t i = 0; i < points.at.size(); i += step) {
+        place = follow(place, points.keys[i]);
+        Closest found = closest(points.at[i], order_[place], floor);
         if (found.squared > floor) floor = found.squared;
     }
     return floor;
+}
+
+void ClosestPoints::sampled(size_t count, uint64_t seed, CurvePoints& points, Budget& budget) const {
+    Array<Foot> feet(budget);
+    feet.resize(count);
+    sample(seed, feet.span(), budget);
+    points.at.clear();
+    points.keys.clear();
+    size_t place = 0;
+    for (const Foot& foot : feet) {
+        while (order_[place] != static_cast<uint32_t>(foot.face)) place++;
+        points.at.push(foot.on(surface_));
+        points.keys.push(keys_[place]);
+    }
+}
+
+void ClosestPoints::used_vertices(size_t limit, CurvePoints& points, Budget& budget) const {
+    Array<UsedVertex> used(budget);
+    meshtide::used_vertices(surface_, order_.span(), limit, used, budget);
+    points.at.clear();
+    points.keys.clear();
+    for (const UsedVertex& one : used) {
+        points.at.push(surface_.vertices[static_cast<size_t>(one.vertex)]);
+        points.keys.push(keys_[one.place]);
+    }
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA

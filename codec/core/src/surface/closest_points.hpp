@@ -29,13 +29,21 @@ struct Spread {
 // The closest point of one triangle.
 Closest closest_on_face(const Surface& surface, size_t face, Vector point);
 
+// Points along the curve of a surface, each with the key of the face that it is on.
+struct CurvePoints {
+    explicit CurvePoints(Budget& budget) : at(budget), keys(budget) {}
+    Array<Vector> at;
+    Array<uint64_t> keys;
+};
+
 class ClosestPoints {
 public:
-    // The surface, of at least one triangle of finite vertices, must stay as it is as long as the tree is used.
-    ClosestPoints(Surface surface, Budget& budget);
+    // The surface, of at least one triangle of finite vertices, must stay as it is as long as the tree is used. If
+    // another one is about where `like` is, both have the same curve.
+    ClosestPoints(Surface surface, Budget& budget, const ClosestPoints* like = nullptr);
 
-    // The closest point of the surface, or the first found whose squared distance is not above `enough`. A search is
-    // short when it begins with a triangle, `hint`, that is close.
+    // The closest point of the surface, or none and a distance of 0 if that is surely not above `enough`, squared and
+    // greater than 0. A search is short when it begins with a triangle, `hint`, that is close.
     Closest closest(Vector point, size_t hint, double enough = 0.0) const;
 
     // The closest point for each; those that are neighbours in the list and in space are found fast. Feet that have a
@@ -44,9 +52,9 @@ public:
 
     // Of the squared distances of some points. In a tangle of large triangles that are all near to every point, where
     // searches are slow, only as many points are looked at, spread evenly over the list, as take reasonable time.
-    Spread spread(Span<const Vector> points) const;
+    Spread spread(const CurvePoints& points) const;
     // The greatest of `floor` and the squared distances: faster than to find each of them.
-    double largest(Span<const Vector> points, double floor) const;
+    double largest(const CurvePoints& points, double floor) const;
 
     // How many nodes of four children a search visits on average: about 12 on surfaces, up to all of them in tangles.
     double visits_per_search(Span<const Vector> points) const;
@@ -54,7 +62,12 @@ public:
     const Surface& surface() const { return surface_; }
     // The triangles along the curve: neighbours in this list are neighbours in space.
     Span<const uint32_t> order() const { return order_.span(); }
-    OrderedFaces faces() const { return {order_.span(), areas_.span()}; }
+    // Points on the surface, evenly by area, and the vertices that faces use, see samples.hpp.
+    void sample(uint64_t seed, Span<Foot> samples, Budget& budget) const {
+        meshtide::sample(surface_, order_.span(), seed, samples, budget);
+    }
+    void sampled(size_t count, uint64_t seed, CurvePoints& points, Budget& budget) const;
+    void used_vertices(size_t limit, CurvePoints& points, Budget& budget) const;
 
 private:
     // Four children, a lane for each: nodes, or ~number of a block of up to four triangles.
@@ -75,14 +88,16 @@ private:
 
     static F32x4 squared_distances(const Node& node, const Point& point);
     static F32x4 squared_distances(const Block& block, const Point& point);
+    void prefetch(int32_t child) const;
     Closest search(Vector point, size_t hint, double enough, size_t& visits) const;
     size_t stride(Span<const Vector> points) const;
+    size_t follow(size_t place, uint64_t key) const;
 
     Surface surface_;
     Vector centre_;
-    double scale_ = 1; // to floats, in which the surface is within 0.5 of the centre; a power of two
-    Array<uint32_t> order_;
-    Array<double> areas_; // along it, summed up
+    double scale_ = 1;      // to floats, in which the surface is within 0.5 of the centre; a power of two
+    Array<uint32_t> order_; // of the faces along the curve
+    Array<uint64_t> keys_;  // of those on it
     Array<Node> nodes_;
     Array<Block> blocks_;
     Array<uint32_t> block_of_face_;

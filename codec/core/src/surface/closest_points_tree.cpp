@@ -1,6 +1,7 @@
-// Building of the tree: the curve, a binary tree over it with boxes and beams, and its merging into nodes of four.
+// Building of the tree: the curve, nodes of four over it, then boxes, beams and blocks from the blocks up.
 #include "surface/closest_points_tree.hpp"
 
+#include "mesh/morton.hpp"
 #include "surface/closest_points.hpp"
 #include "surface/sorting.hpp"
 
@@ -13,6 +14,7 @@ namespace {
 
 constexpr int AXIS_BITS = 15; // of the curve; triangles in the same cell are halved by their numbers
 constexpr size_t BLOCK_SIZE = 4;
+constexpr double MOST = 0.75; // of coordinates in floats
 
 struct Box {
     F32x4 low = splat(INFINITY), high = splat(-INFINITY);
@@ -27,16 +29,15 @@ struct Box {
     }
 };
 
-// A node of the binary tree; its first child follows it.
-struct Half {
-    uint32_t first = 0, end = 0; // in the order
-    int32_t second_child = -1;   // none: a leaf
-    int32_t beam = -1;
-    int32_t block = -1; // of a leaf; numbered along the curve, so that neighbours are near in memory
+// Faces that follow each other along the curve: those of a block, or of all blocks below a node.
+struct Part {
+    size_t first, end; // in the order
     Box box;
-    uint32_t longest = 0;
-    float longest_squared = -1;
-    bool thin = false;
+    struct {
+        float squared = -1, height = 0; // that of its face, squared as well
+        uint32_t edge = 0;              // 3 face + corner where it begins
+    } longest;
+    bool thin; // a beam holds it: of a node, one of its children
 };
 
 // The faces along the curve, with their keys; vertices in floats.
@@ -55,10 +56,28 @@ void sort_faces(Span<const int32_t> faces, Span<const F32x4> vertices, Array<Key
     sort_keyed(keys, 3 * AXIS_BITS, budget);
 }
 
-// Where the uppermost bit changes in which the keys of a range differ; the middle if they are all the same.
+// A place near to `half` with whole blocks between `first` and it, and something behind it.
+size_t whole_blocks(size_t first, size_t half, size_t end) {
+    size_t blocks = (half - first + BLOCK_SIZE / 2) / BLOCK_SIZE, most = (end - first - 1) / BLOCK_SIZE;
+    return first + BLOCK_SIZE * std::clamp<size_t>(blocks, 1, most);
+}
+
+// Four points as their coordinates.
+void turn(const F32x4 (&points)[4], F32x4 (&coordinates)[3]) {
+    F32x4 low = __builtin_shufflevector(points[0], points[1], 0, 4, 1, 5);
+    F32x4 other_low = __builtin_shufflevector(points[2], points[3], 0, 4, 1, 5);
+    F32x4 high = __builtin_shufflevector(points[0], points[1], 2, 6, 3, 7);
+    F32x4 other_high = __builtin_shufflevector(points[2], points[3], 2, 6, 3, 7);
+    coordinates[0] = __builtin_shufflevector(low, other_low, 0, 1, 4, 5);
+    coordinates[1] = __builtin_shufflevector(low, other_low, 2, 3, 6, 7);
+    coordinates[2] = __builtin_shufflevector(high, other_high, 0, 1, 4, 5);
+}
+
+// About where the uppermost bit changes in which the keys of a range differ, or in the middle if they are all the same;
+// whole blocks lie before it.
 size_t split(const Array<Keyed>& keys, size_t first, size_t end) {
     uint64_t difference = keys[first].key ^ keys[end - 1].key;
-    if (difference == 0) return first + (end - first) / 2;
+    if (difference == 0) return whole_blocks(first, first + (end - first) / 2, end);
     uint64_t bit = std::bit_floor(difference);
     size_t low = first, high = end - 1;
     while (low < high) {
@@ -68,44 +87,22 @@ size_t split(const Array<Keyed>& keys, size_t first, size_t end) {
         else
             low = half + 1;
     }
-    return low;
-}
-
-// The binary tree, parents first.
-void halve(const Array<Keyed>& keys, Array<Half>& halves, Budget& budget) {
-    struct Range {
-        size_t first, end;
-        int32_t parent; // that it is the second child of
-    };
-    Array<Range> ranges(budget);
-    ranges.push({0, keys.size(), -1});
-    while (!ranges.empty()) {
-        Range range = ranges.pop();
-        auto number = static_cast<int32_t>(halves.size());
-        if (range.parent >= 0) halves[static_cast<size_t>(range.parent)].second_child = number;
-        Half made;
-        made.first = static_cast<uint32_t>(range.first);
-        made.end = static_cast<uint32_t>(range.end);
-        halves.push(made);
-        if (range.end - range.first <= BLOCK_SIZE) continue;
-        size_t half = split(keys, range.first, range.end);
-        ranges.push({half, range.end, number});
-        ranges.push({range.first, half, -1});
-    }
+    return whole_blocks(first, low, end);
 }
 
 } // namespace
 
 struct ClosestPoints::Builder {
     ClosestPoints& tree;
-    Array<Half> halves;
-
-    Array<F32x4> vertices; // in floats, about the middle
+    Array<Keyed> keys;
+    Array<F32x4> vertices;  // in floats, about the middle
+    Array<Part> node_parts; // of each node
 
     F32x4 at(size_t face, size_t k) const { return vertices[static_cast<size_t>(tree.surface_.corner(face, k))]; }
 
-    // To the middle of the surface, and a power of two that takes it to floats of at most 0.5.
-    void scale() {
+    // To the middle of the surface, and a power of two that takes it to floats of at most 0.5; or to where another tree
+    // has its surface, if that takes it to floats of at most MOST.
+    void scale(const ClosestPoints* like) {
         const Surface& surface = tree.surface_;
         Vector low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
         for (int32_t v : surface.faces) {
@@ -123,6 +120,11 @@ struct ClosestPoints::Builder {
             std::frexp(side, &exponent);
             tree.scale_ = std::ldexp(1.0, std::min(-exponent, 1000));
         }
+        if (like != nullptr) {
+            Vector lowest = low - like->centre_, highest = high - like->centre_;
+            double far = std::max({-lowest.x, -lowest.y, -lowest.z, highest.x, highest.y, highest.z});
+            if (far * like->scale_ <= MOST) tree.centre_ = like->centre_, tree.scale_ = like->scale_;
+        }
         vertices.resize(surface.vertices.size());
         for (size_t v = 0; v < vertices.size(); v++) {
             Vector p = (surface.vertices[v] - tree.centre_) * tree.scale_;
@@ -130,148 +132,139 @@ struct ClosestPoints::Builder {
         }
     }
 
-    // Boxes and beams, children first.
-    void enclose() {
-        for (size_t n = halves.size(); n-- > 0;) {
-            Half& half = halves[n];
-            if (half.second_child < 0) {
-                for (size_t i = half.first; i < half.end; i++) enclose_face(half, tree.order_[i]);
-            } else {
-                const Half &one = halves[n + 1], &other = halves[static_cast<size_t>(half.second_child)];
-                half.box = one.box;
-                half.box.add(other.box);
-                const Half& longer = other.longest_squared > one.longest_squared ? other : one;
-                half.longest = longer.longest;
-                half.longest_squared = longer.longest_squared;
-                if (!one.thin && !other.thin) continue;
-            }
-            F32x4 sides = half.box.high - half.box.low;
-            if (dot3(sides, sides) > 1.01f * static_cast<float>(SPANNED * SPANNED) * half.longest_squared) continue;
-            double unit = 1.0 / tree.scale_;
-            auto side = [&](size_t k) { return static_cast<double>(sides[k]) * unit; };
-            Beam beam;
-            Thinness thinness =
-                find_beam(tree.surface_,
-                          {tree.order_.span(), half.first, half.end, {side(0), side(1), side(2)}, half.longest}, beam);
-            half.thin = thinness != Thinness::wide;
-            if (thinness == Thinness::worth_a_beam) {
-                half.beam = static_cast<int32_t>(tree.beams_.size());
-                tree.beams_.push(beam);
-            }
-        }
-    }
-    void enclose_face(Half& half, uint32_t face) const {
-        F32x4 corners[3] = {at(face, 0), at(face, 1), at(face, 2)};
-        for (uint32_t k = 0; k < 3; k++) {
-            half.box.add(corners[k]);
-            F32x4 edge = corners[k == 2 ? 0 : k + 1] - corners[k];
-            float squared = dot3(edge, edge);
-            if (squared <= half.longest_squared) continue;
-            half.longest_squared = squared;
-            half.longest = 3 * face + k;
-        }
-    }
-
-    // Opens the largest of a node's children until it has four, or all are leaves.
-    size_t open(size_t root, size_t (&children)[4]) const {
-        children[0] = root;
-        size_t count = 1;
-        while (count < 4) {
-            size_t best = count;
-            for (size_t i = 0; i < count; i++) {
-                const Half& half = halves[children[i]];
-                if (half.second_child < 0) continue;
-                if (best == count || half.end - half.first > size_of(children[best])) best = i;
-            }
-            if (best == count) break;
-            size_t opened = children[best];
-            children[best] = opened + 1;
-            children[count++] = static_cast<size_t>(halves[opened].second_child);
-        }
-        return count;
-    }
-    size_t size_of(size_t half) const { return halves[half].end - halves[half].first; }
-
-    void merge(Budget& budget) {
-        for (Half& half : halves)
-            if (half.second_child < 0) add_block(half);
+    // The nodes, parents first: each the largest of its parts halved until it has four, or all are blocks.
+    void divide(Budget& budget) {
         struct Task {
-            size_t half, node, lane;
+            size_t first, end, node, lane;
         };
         Array<Task> tasks(budget);
-        tasks.push({0, SIZE_MAX, 0});
+        tasks.push({0, keys.size(), SIZE_MAX, 0});
         while (!tasks.empty()) {
             Task task = tasks.pop();
             size_t number = tree.nodes_.size();
             if (task.node != SIZE_MAX) tree.nodes_[task.node].children[task.lane] = static_cast<int32_t>(number);
-            size_t children[4];
-            size_t count = open(task.half, children);
-            Node node;
-            for (size_t lane = count; lane < 4; lane++) {
-                for (size_t k = 0; k < 3; k++) node.low[k][lane] = node.high[k][lane] = FAR;
-                node.children[lane] = ABSENT;
-                node.beams[lane] = -1;
+            size_t first[4] = {task.first}, end[4] = {task.end}, count = 1;
+            while (count < 4) {
+                size_t largest = 0;
+                for (size_t i = 1; i < count; i++)
+                    if (end[i] - first[i] > end[largest] - first[largest]) largest = i;
+                if (end[largest] - first[largest] <= BLOCK_SIZE) break;
+                first[count] = split(keys, first[largest], end[largest]), end[count] = end[largest];
+                end[largest] = first[count++];
             }
-            for (size_t lane = 0; lane < count; lane++) {
-                const Half& half = halves[children[lane]];
-                enclose(node, lane, half.box);
-                node.beams[lane] = half.beam;
-                if (half.second_child < 0) {
-                    node.children[lane] = ~half.block;
-                } else {
-                    tasks.push({children[lane], number, lane});
-                }
+            Node node;
+            for (size_t lane = 0; lane < 4; lane++) {
+                node.beams[lane] = -1;
+                node.children[lane] = ABSENT;
+                if (lane >= count) continue;
+                if (end[lane] - first[lane] <= BLOCK_SIZE)
+                    node.children[lane] = ~static_cast<int32_t>(first[lane] / BLOCK_SIZE);
+                else
+                    tasks.push({first[lane], end[lane], number, lane});
             }
             tree.nodes_.push(node);
+            node_parts.push({task.first, task.end, {}, {}, false});
         }
     }
 
-    static void enclose(Node& node, size_t lane, const Box& box) {
-        for (size_t k = 0; k < 3; k++) {
-            node.low[k][lane] = box.low[k] - COORDINATE_ERROR;
-            node.high[k][lane] = box.high[k] + COORDINATE_ERROR;
-        }
-    }
-
-    void add_block(Half& half) {
-        Block block;
-        half.block = static_cast<int32_t>(tree.blocks_.size());
-        for (size_t lane = 0; lane < BLOCK_SIZE; lane++) {
-            size_t face = tree.order_[std::min<size_t>(half.first + lane, half.end - 1)];
-            F32x4 first = at(face, 0), second = at(face, 1) - first, third = at(face, 2) - first;
-            for (size_t k = 0; k < 3; k++) {
-                block.first[k][lane] = first[k];
-                block.second[k][lane] = second[k];
-                block.third[k][lane] = third[k];
+    // Boxes, beams and blocks, children first.
+    void enclose() {
+        for (size_t n = tree.nodes_.size(); n-- > 0;) {
+            Node& node = tree.nodes_[n];
+            Part& all = node_parts[n];
+            for (size_t lane = 0; lane < 4; lane++) {
+                int32_t child = node.children[lane];
+                if (child == ABSENT) {
+                    for (size_t k = 0; k < 3; k++) node.low[k][lane] = node.high[k][lane] = FAR;
+                    continue;
+                }
+                Part part =
+                    child < 0 ? make_block(static_cast<size_t>(~child)) : node_parts[static_cast<size_t>(child)];
+                for (size_t k = 0; k < 3; k++) {
+                    node.low[k][lane] = part.box.low[k] - COORDINATE_ERROR;
+                    node.high[k][lane] = part.box.high[k] + COORDINATE_ERROR;
+                }
+                if (child < 0 || part.thin) node.beams[lane] = find_beam_of(part);
+                all.box.add(part.box);
+                if (part.longest.squared > all.longest.squared) all.longest = part.longest;
+                all.thin = all.thin || part.thin;
             }
-            block.faces[lane] = static_cast<int32_t>(face);
-            tree.block_of_face_[face] = static_cast<uint32_t>(tree.blocks_.size());
         }
-        tree.blocks_.push(block);
+    }
+
+    Part make_block(size_t number) {
+        Part part{BLOCK_SIZE * number, std::min(BLOCK_SIZE * (number + 1), tree.order_.size()), {}, {}, false};
+        Block& block = tree.blocks_[number];
+        F32x4 first[4], second[4], third[4];
+        for (size_t lane = 0; lane < BLOCK_SIZE; lane++) {
+            size_t face = tree.order_[std::min(part.first + lane, part.end - 1)];
+            const int32_t* corners = tree.surface_.faces.block(3 * face, 3);
+            F32x4 a = vertices[static_cast<size_t>(corners[0])], b = vertices[static_cast<size_t>(corners[1])];
+            F32x4 c = vertices[static_cast<size_t>(corners[2])];
+            part.box.low = least(part.box.low, least(a, least(b, c)));
+            part.box.high = greatest(part.box.high, greatest(a, greatest(b, c)));
+            first[lane] = a, second[lane] = b - a, third[lane] = c - a;
+            block.faces[lane] = static_cast<int32_t>(face);
+            tree.block_of_face_[face] = static_cast<uint32_t>(number);
+        }
+        F32x4 a[3], b[3], c[3], along[3];
+        turn(first, a), turn(second, b), turn(third, c);
+        for (size_t k = 0; k < 3; k++) {
+            store(block.first[k], a[k]), store(block.second[k], b[k]), store(block.third[k], c[k]);
+            along[k] = c[k] - b[k];
+        }
+        F32x4 squares[3] = {dot(b, b), dot(along, along), dot(c, c)};
+        for (size_t lane = 0; lane < BLOCK_SIZE; lane++) {
+            for (uint32_t k = 0; k < 3; k++) {
+                if (!(squares[k][lane] > part.longest.squared)) continue;
+                part.longest = {squares[k][lane], 0, 3 * static_cast<uint32_t>(block.faces[lane]) + k};
+            }
+            if (part.longest.edge / 3 != static_cast<uint32_t>(block.faces[lane])) continue;
+            F32x4 normal = cross3(second[lane], third[lane]);
+            part.longest.height = dot3(normal, normal) / part.longest.squared;
+        }
+        return part;
+    }
+
+    // The number of a part's beam, or -1 if it gets none.
+    int32_t find_beam_of(Part& part) const {
+        part.thin = false;
+        F32x4 sides = part.box.high - part.box.low;
+        float diagonal = dot3(sides, sides), longest = part.longest.squared;
+        if (diagonal > 1.01f * static_cast<float>(SPANNED * SPANNED) * longest) return -1;
+        if (static_cast<float>(THIN * THIN) * part.longest.height > 1.01f * diagonal) return -1;
+        double unit = 1.0 / tree.scale_;
+        auto side = [&](size_t k) { return static_cast<double>(sides[k]) * unit; };
+        Beam beam;
+        Thinness thinness =
+            find_beam(tree.surface_,
+                      {tree.order_.span(), part.first, part.end, {side(0), side(1), side(2)}, part.longest.edge}, beam);
+        part.thin = thinness != Thinness::wide;
+        if (thinness != Thinness::worth_a_beam) return -1;
+        tree.beams_.push(beam);
+        return static_cast<int32_t>(tree.beams_.size() - 1);
     }
 };
 
-ClosestPoints::ClosestPoints(Surface surface, Budget& budget)
-    : surface_(surface), order_(budget), areas_(budget), nodes_(budget), blocks_(budget), block_of_face_(budget),
+ClosestPoints::ClosestPoints(Surface surface, Budget& budget, const ClosestPoints* like)
+    : surface_(surface), order_(budget), keys_(budget), nodes_(budget), blocks_(budget), block_of_face_(budget),
       beams_(budget) {
     size_t faces = surface.face_count();
     if (faces == 0 || faces > INT32_MAX / 4) fail(Fault::argument, "a surface must have triangles, not too many");
-    Builder builder{*this, Array<Half>(budget), Array<F32x4>(budget)};
-    builder.scale();
-    {
-        Array<Keyed> keys(budget);
-        sort_faces(surface.faces, builder.vertices.span(), keys, budget);
-        order_.resize(faces);
-        block_of_face_.resize(faces);
-        for (size_t i = 0; i < faces; i++) order_[i] = keys[i].place;
-        builder.halves.reserve(faces);
-        halve(keys, builder.halves, budget);
-    }
-    sum_areas(surface_, order_.span(), areas_);
+    Builder builder{*this, Array<Keyed>(budget), Array<F32x4>(budget), Array<Part>(budget)};
+    builder.scale(like);
+    sort_faces(surface.faces, builder.vertices.span(), builder.keys, budget);
+    order_.resize(faces);
+    keys_.resize(faces);
+    for (size_t i = 0; i < faces; i++) order_[i] = builder.keys[i].place, keys_[i] = builder.keys[i].key;
+    size_t blocks = (faces + BLOCK_SIZE - 1) / BLOCK_SIZE;
+    nodes_.reserve(blocks / 2 + 1);
+    builder.divide(budget);
+    builder.keys = Array<Keyed>(budget);
+    blocks_.resize(blocks);
+    block_of_face_.resize(faces);
     builder.enclose();
-    nodes_.reserve(builder.halves.size() / 3 + 1);
-    blocks_.reserve(builder.halves.size() / 2 + 1);
-    builder.merge(budget);
+    builder.vertices = Array<F32x4>(budget);
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA

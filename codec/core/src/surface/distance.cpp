@@ -1,6 +1,7 @@
 #include "surface/distance.hpp"
 
 #include "surface/samples.hpp"
+#include "surface/triangles.hpp"
 
 #include <algorithm>
 
@@ -40,52 +41,49 @@ void place(Surface surface, const Frame& frame, Array<Vector>& vertices) {
     }
 }
 
-// Triangles of one vertex each, where there are none.
-Span<const int32_t> faces_of(Surface surface, Array<int32_t>& points) {
-    if (surface.face_count() != 0) return surface.faces;
-    points.resize(3 * surface.vertices.size());
-    for (size_t i = 0; i < points.size(); i++) points[i] = static_cast<int32_t>(i / 3);
-    return points.span();
+bool same(Span<const Vector> a, Span<const Vector> b) {
+    return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](Vector one, Vector other) {
+               return one.x == other.x && one.y == other.y && one.z == other.z;
+           });
 }
 
-void sampled(const ClosestPoints& tree, size_t count, uint64_t seed, Array<Vector>& points, Budget& budget) {
-    Array<Foot> feet(budget);
-    feet.resize(count);
-    points.resize(count);
-    sample(tree.faces(), seed, feet.span());
-    for (size_t i = 0; i < count; i++) points[i] = feet[i].on(tree.surface());
+bool same(Span<const int32_t> a, Span<const int32_t> b) {
+    return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin());
 }
 
 } // namespace
 
 DistanceMeter::DistanceMeter(Surface original, const DistanceOptions& options, Budget& budget)
-    : options_(options), budget_(budget), vertices_(budget), faces_(budget), samples_(budget), used_(budget),
+    : options_(options), vertices_(budget), faces_(budget), samples_(budget), used_(budget),
       tree_(
           [&] {
+              if (options.samples == 0 || options.vertex_limit == 0)
+                  fail(Fault::argument, "a distance needs samples and vertices");
               Frame frame = frame_of(original.vertices);
               centre_ = frame.centre, scale_ = frame.scale;
               place(original, frame, vertices_);
-              return Surface{vertices_.span(), faces_of(original, faces_)};
+              return Surface{vertices_.span(), faces_or_vertices(original, faces_)};
           }(),
           budget) {
-    if (options.samples == 0 || options.vertex_limit == 0)
-        fail(Fault::argument, "a distance needs samples and vertices");
-    sampled(tree_, options.samples, options.seed, samples_, budget);
-    used_vertices(tree_.surface(), tree_.order(), options.vertex_limit, used_, budget);
+    tree_.sampled(options.samples, options.seed, samples_, budget);
+    tree_.used_vertices(options.vertex_limit, used_, budget);
 }
 
-Distortion DistanceMeter::measure(Surface other) const {
-    Array<Vector> vertices(budget_), samples(budget_), used(budget_);
-    Array<int32_t> faces(budget_);
+Distortion DistanceMeter::measure(Surface other, Budget& budget) const {
+    Array<Vector> vertices(budget);
+    Array<int32_t> points(budget);
     place(other, {centre_, scale_}, vertices);
-    ClosestPoints tree({vertices.span(), faces_of(other, faces)}, budget_);
-    sampled(tree, options_.samples, options_.seed + 1, samples, budget_);
-    used_vertices(tree.surface(), tree.order(), options_.vertex_limit, used, budget_);
+    Span<const int32_t> faces = faces_or_vertices(other, points);
+    if (same(vertices.span(), vertices_.span()) && same(faces, tree_.surface().faces)) return {};
+    ClosestPoints tree({vertices.span(), faces}, budget, &tree_);
+    CurvePoints samples(budget), used(budget);
+    tree.sampled(options_.samples, options_.seed + 1, samples, budget);
+    tree.used_vertices(options_.vertex_limit, used, budget);
 
-    Spread forth = tree.spread(samples_.span()), back = tree_.spread(samples.span());
+    Spread forth = tree.spread(samples_), back = tree_.spread(samples);
     double farthest = std::max(forth.largest, back.largest);
-    farthest = tree_.largest(used.span(), farthest);
-    farthest = tree.largest(used_.span(), farthest);
+    farthest = tree_.largest(used, farthest);
+    farthest = tree.largest(used_, farthest);
     return {std::sqrt(std::max(forth.mean, back.mean)), std::sqrt(farthest)};
 }
 

@@ -27,16 +27,16 @@ class DistanceMeter {
 public:
     DistanceMeter(Surface original, const DistanceOptions& options, Budget& budget);
 
-    Distortion measure(Surface other) const;
+    // Threads that have budgets of their own may measure at the same time.
+    Distortion measure(Surface other, Budget& budget) const;
 
 private:
     DistanceOptions options_;
-    Budget& budget_;
     Vector centre_;
     double scale_ = 1.0;
     Array<Vector> vertices_; // about the origin, with the diagonal as the unit
     Array<int32_t> faces_;   // only if the original has none: one for each vertex
-    Array<Vector> samples_, used_;
+    CurvePoints samples_, used_;
     ClosestPoints tree_;
 };
 

@@ -78,13 +78,23 @@ struct Denominator {
 
 } // namespace
 
+void check_coefficients(const Filter& filter, Span<const float> coefficients) {
+    size_t stride = filter.coefficient_count();
+    if (filter.degree > LARGEST_DEGREE || filter.denominator_degree > LARGEST_DENOMINATOR_DEGREE ||
+        coefficients.size() != 3 * stride)
+        fail(Fault::argument, "a filter and its coefficients do not fit");
+    for (float c : coefficients) expect(std::isfinite(c), "a coefficient that is not finite");
+    for (size_t axis = 0; axis < 3 && filter.kind == FilterKind::rational; axis++)
+        expect(is_safe_denominator(coefficients.part(axis * stride + filter.degree + 1, filter.denominator_degree)),
+               "a denominator that is not safely positive");
+}
+
 void predict(const Graph& graph, const Filter& filter, Span<const float> coefficients, Span<const Vector> extension,
              Span<Vector> prediction, Budget& budget) {
     size_t n = extension.size(), stride = filter.coefficient_count();
-    if (graph.vertex_count() != n || prediction.size() != n || filter.degree > LARGEST_DEGREE ||
-        filter.denominator_degree > LARGEST_DENOMINATOR_DEGREE || coefficients.size() != 3 * stride)
+    check_coefficients(filter, coefficients);
+    if (graph.vertex_count() != n || prediction.size() != n)
         fail(Fault::argument, "a filter and what it is applied to do not fit");
-    for (float c : coefficients) expect(std::isfinite(c), "a coefficient that is not finite");
     Array<Vector> product(budget);
     product.resize(n);
     switch (filter.kind) {
@@ -108,23 +118,18 @@ void predict(const Graph& graph, const Filter& filter, Span<const float> coeffic
     case FilterKind::rational:
         break;
     }
-    auto denominator = [&](size_t axis) {
-        return coefficients.part(axis * stride + filter.degree + 1, filter.denominator_degree);
-    };
-    bool rational = filter.kind == FilterKind::rational;
-    for (size_t axis = 0; axis < 3 && rational; axis++)
-        expect(is_safe_denominator(denominator(axis)), "a denominator that is not safely positive");
     Coefficients c{coefficients, stride};
     if (filter.basis == FilterBasis::power)
         power_polynomial(graph, filter.degree, c, extension, prediction, product.span());
     else
         chebyshev_polynomial(graph, filter.degree, c, extension, prediction, product.span(), budget);
-    for (size_t axis = 0; axis < 3 && rational; axis++) {
+    for (size_t axis = 0; axis < 3 && filter.kind == FilterKind::rational; axis++) {
+        auto denominator = coefficients.part(axis * stride + filter.degree + 1, filter.denominator_degree);
         double Vector::*along = axis == 0 ? &Vector::x : axis == 1 ? &Vector::y : &Vector::z;
         Array<double> column(budget);
         column.resize(n);
         for (size_t v = 0; v < n; v++) column[v] = prediction[v].*along;
-        divide(graph, denominator(axis), column.span(), budget);
+        divide(graph, denominator, column.span(), budget);
         for (size_t v = 0; v < n; v++) prediction[v].*along = column[v];
     }
     for (size_t v = 0; v < n; v++)

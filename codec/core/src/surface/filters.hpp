@@ -6,11 +6,11 @@
 // encoder and decoder must agree on it.
 #pragma once
 
+#include "stream/header.hpp"
 #include "surface/graph.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-enum class FilterKind { zeroth, gaussian, taubin, polynomial, rational };
 enum class FilterBasis { power, chebyshev };
 
 constexpr size_t LARGEST_DEGREE = 15;
@@ -31,9 +31,13 @@ struct Filter {
     }
 };
 
+// Fails unless there are as many coefficients as the filter takes, and it can use them. Malformed: they are not finite,
+// or a denominator is not safe.
+void check_coefficients(const Filter& filter, Span<const float> coefficients);
+
 // The filtered extension; a vertex without neighbours stays where it is. Coefficients are those of x, then y, then z.
-// With coefficients of a stream the result may lie anywhere: it is to be bounded before it becomes integers. Malformed:
-// coefficients that are not finite, or a denominator that is not safe.
+// With coefficients of a stream the result may lie anywhere: it is to be bounded before it becomes integers. Checks the
+// coefficients.
 void predict(const Graph& graph, const Filter& filter, Span<const float> coefficients, Span<const Vector> extension,
              Span<Vector> prediction, Budget& budget);
 

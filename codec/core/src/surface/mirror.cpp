@@ -88,7 +88,7 @@ int32_t frequent_sum(Span<const int32_t> positions, size_t axis, Budget& budget)
 
 // Share of some vertices off the plane with a vertex at their image: mean of exactly and within a step. Gives up, with
 // 0, where it cannot exceed `least` any more.
-double mirrored_share(Span<const int32_t> positions, const Places& places, Mirror mirror, double least) {
+double mirrored_share(Span<const int32_t> positions, const Places& places, MirrorPlane mirror, double least) {
     auto axis = static_cast<size_t>(mirror.axis);
     size_t n = positions.size() / 3, stride = std::max<size_t>(1, n / SAMPLE);
     size_t off_plane = 0, left = 0, found = 0; // found counts halves
@@ -119,8 +119,8 @@ double mirrored_share(Span<const int32_t> positions, const Places& places, Mirro
 
 } // namespace
 
-Mirror find_mirror(Span<const int32_t> positions, Budget& budget) {
-    Mirror best;
+MirrorPlane find_mirror(Span<const int32_t> positions, Budget& budget) {
+    MirrorPlane best;
     if (positions.size() < 3) return best;
     Places places(positions, budget);
     double best_share = SMALLEST_SHARE;

@@ -7,17 +7,12 @@
 
 #include "base/lanes.hpp"
 #include "base/memory.hpp"
+#include "mesh/mirror_plane.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-// A plane across an axis: x + x' is `sum`, in finest steps, for a vertex x and its image x'.
-struct Mirror {
-    int axis = -1; // none
-    int32_t sum = 0;
-};
-
 // The plane that takes the largest share of vertices to vertices, unless that is too small. Positions are three
 // coordinates below 2^bits, at most 20, for each vertex, pairwise different.
-Mirror find_mirror(Span<const int32_t> positions, Budget& budget);
+MirrorPlane find_mirror(Span<const int32_t> positions, Budget& budget);
 
 } // namespace meshtide::inline MESHTIDE_ISA

@@ -206,22 +206,6 @@ void find_rows(const InputOrder& order, const StreamMesh& mesh, Array<int64_t>& 
     }
 }
 
-void write_number(Array<uint8_t>& out, uint64_t value) {
-    for (; value >= 128; value >>= 7) out.push(static_cast<uint8_t>(value | 128));
-    out.push(static_cast<uint8_t>(value));
-}
-
-uint64_t read_number(Span<const uint8_t> in, size_t& position) {
-    uint64_t value = 0;
-    for (int shift = 0; shift < 63; shift += 7) {
-        expect(position < in.size(), "a number that does not end");
-        uint8_t byte = in[position++];
-        value |= static_cast<uint64_t>(byte & 127) << shift;
-        if (byte < 128) return value;
-    }
-    fail(Fault::malformed, "a number of more than nine bytes");
-}
-
 } // namespace
 
 void encode_order(const InputOrder& order, const StreamMesh& mesh, Array<uint8_t>& payload, Budget& budget) {
@@ -253,18 +237,18 @@ void encode_order(const InputOrder& order, const StreamMesh& mesh, Array<uint8_t
     for (uint8_t byte : best) payload.push(byte);
 }
 
-void decode_order(Span<const uint8_t> payload, const StreamMesh& mesh, OrderLimits limits, InputOrder& order,
+void decode_order(const OrderPacket& packet, const StreamMesh& mesh, const Limits& limits, InputOrder& order,
                   Budget& budget) {
-    size_t position = 0;
-    uint64_t vertices = read_number(payload, position), faces = read_number(payload, position);
-    uint64_t by_row = read_number(payload, position);
+    ByteReader reader(packet.payload);
+    uint64_t vertices = reader.number(), faces = reader.number(), by_row = reader.number();
     expect(by_row <= 1, "an order that is told in no known way");
-    if (vertices > limits.vertices || faces > limits.faces || vertices > INT32_MAX || faces > INT32_MAX)
-        fail(Fault::limit, "an order of more vertices or faces than the limits allow");
+    expect_at_most(vertices, std::min<uint64_t>(limits.vertices, INT32_MAX), "vertices");
+    expect_at_most(faces, std::min<uint64_t>(limits.faces, INT32_MAX), "faces");
+    check_share(vertices, faces, packet.told + packet.payload.size(), limits);
     order.vertices.assign(static_cast<size_t>(vertices), 0);
     order.faces.assign(3 * static_cast<size_t>(faces), 0);
     OrderContexts contexts;
-    RangeDecoder coder(payload.part(position, payload.size() - position));
+    RangeDecoder coder(reader.rest());
     code_vertices(coder, contexts, mesh.vertices, order.vertices);
     FaceCoder(order, mesh, by_row != 0, budget).code(coder, contexts, {});
     coder.finish();

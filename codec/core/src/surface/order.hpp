@@ -1,5 +1,5 @@
 // The input's order: its vertices, its faces and their first corners, which quantization gives up, kept on request
-// (docs/format.md, Packets).
+// (docs/format.md, Order).
 //
 // A stream's vertices stand in Morton order, welded ones are one, its faces are sorted and start at their smallest
 // index. Who needs the input's own order stores, behind the last packet, the stream vertex of each input vertex, by the
@@ -10,6 +10,7 @@
 #pragma once
 
 #include "entropy/contexts.hpp"
+#include "stream/header.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
@@ -26,13 +27,14 @@ struct StreamMesh {
     size_t vertices;
 };
 
-// What a packet may claim.
-struct OrderLimits {
-    uint64_t vertices, faces;
-};
-
 void encode_order(const InputOrder& order, const StreamMesh& mesh, Array<uint8_t>& payload, Budget& budget);
-void decode_order(Span<const uint8_t> payload, const StreamMesh& mesh, OrderLimits limits, InputOrder& order,
+
+// A packet as it came: so many bytes of the stream besides it stand behind what it claims.
+struct OrderPacket {
+    Span<const uint8_t> payload;
+    uint64_t told;
+};
+void decode_order(const OrderPacket& packet, const StreamMesh& mesh, const Limits& limits, InputOrder& order,
                   Budget& budget);
 
 } // namespace meshtide::inline MESHTIDE_ISA

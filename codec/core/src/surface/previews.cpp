@@ -1,7 +1,7 @@
 #include "surface/previews.hpp"
 
+#include "mesh/morton.hpp"
 #include "surface/logarithms.hpp"
-#include "surface/samples.hpp"
 #include "surface/sorting.hpp"
 
 #include <algorithm>
@@ -35,15 +35,15 @@ constexpr double SHARE_OF_FIT = 0.85;    // of a distance: the fit's, where the 
 constexpr double ROUNDING = 0.12;        // what rounding adds, in steps of the preview's grid,
 constexpr double COARSE_ROUNDING = 0.15; // and on grids of FEW_BITS, where vertices meet and shapes get lost
 constexpr double LEAST_SHARE = 0.4;      // of a distance that is left to the fit, however coarse the grid is
+constexpr double TOO_FAR = 1.03;         // distances at which a fit's preview is expected that is not tried
 constexpr double HOPELESS = 1.3; // distances by which a guess of the finest preview misses one that it is not tried for
 constexpr size_t FIRST_GUESS = 60; // vertices of the first mesh that is fitted
 constexpr double SLOPE = 0.85;     // how fast distances grow with ratios, on logarithmic scales
-// Previews of so few bits are tried with one more too, and at so many coarser places: fits of few vertices differ by
-// chance. Not those of large meshes, for which it matters less and takes longer.
+// Previews of so few bits are tried with one more too, but for those of large meshes, for which it matters less and
+// takes longer.
 constexpr int FEW_BITS = 5;
-constexpr size_t MORE_PLACES = 2;
 
-constexpr size_t SAMPLES = 4000;
+constexpr size_t SAMPLES = 2000;
 constexpr uint64_t SEED = 3;
 constexpr size_t TOO_SMALL_TO_WAIT = 40; // vertices of a preview, about 80 bytes, which needs no coarser one before it
 
@@ -56,46 +56,58 @@ int grid_bits(double distance, int bits) {
     return std::min(depth, bits);
 }
 
-// A mesh whose previews are asked for, as a surface, and what of it all of them need.
+bool is_large(const GridMesh& mesh) { return mesh.positions.size() / 3 > LARGE; }
+
+// Of the meshes that are tried, finest first.
+std::vector<size_t> ratios_of(const GridMesh& mesh) {
+    std::vector<size_t> ratios;
+    size_t n = mesh.positions.size() / 3;
+    if (n < FEWEST_VERTICES) return ratios;
+    double ratio = FINEST_RATIO;
+    for (size_t step = 0; step <= STEPS; step++, ratio *= STEP) {
+        auto rounded_ratio = static_cast<size_t>(ratio + 0.5);
+        if (is_large(mesh) && rounded_ratio < LARGE_RATIO) continue;
+        if (n / rounded_ratio < FEWEST_PREVIEW_VERTICES) break;
+        ratios.push_back(rounded_ratio);
+    }
+    return ratios;
+}
+
+// A mesh whose previews are asked for, and what of it all of them need.
 struct Original {
-    Original(const GridMesh& mesh_, Budget& budget_)
-        : mesh(mesh_), budget(budget_), faces(budget_), points(budget_),
-          tree(
-              [&] {
-                  for (size_t t = 0; t + 2 < mesh.faces.size(); t += 3) {
-                      int32_t a = mesh.faces[t], b = mesh.faces[t + 1], c = mesh.faces[t + 2];
-                      if (a == b || b == c || c == a) continue;
-                      faces.push(a), faces.push(b), faces.push(c);
-                  }
-                  for (size_t i = 0; i < mesh.positions.size(); i += 3)
-                      points.push({static_cast<double>(mesh.positions[i]), static_cast<double>(mesh.positions[i + 1]),
-                                   static_cast<double>(mesh.positions[i + 2])});
-                  return Surface{points.span(), faces.span()};
-              }(),
-              budget_) {
-        for (size_t i = 0; i < points.size(); i++) {
+    // `finest`: vertices of the finest preview.
+    Original(const GridMesh& mesh_, size_t finest, Budget& budget_)
+        : mesh(mesh_), budget(budget_), simplifier(mesh.positions, mesh.faces, mesh.bits, finest, budget),
+          surface(budget) {
+        for (size_t i = 0; i < vertex_count(); i++) {
             uint32_t differing = 0;
             for (size_t k = 0; k < 3 && i > 0; k++)
                 differing |= static_cast<uint32_t>(mesh.positions[3 * i + k] ^ mesh.positions[3 * i - 3 + k]);
             cells[i > 0 ? std::clamp(mesh.bits - 31 + std::countl_zero(differing), 0, 31) : 0]++;
         }
         for (int depth = 1; depth < 32; depth++) cells[depth] += cells[depth - 1];
+        simplifier.reduce(vertex_count(), surface);
+        if (surface.faces.empty()) return;
+        tree = std::make_unique<ClosestPoints>(surface.surface(), budget);
+        find_lost();
     }
-    size_t vertex_count() const { return points.size(); }
-    bool large() const { return vertex_count() > LARGE; }
+    size_t vertex_count() const { return mesh.positions.size() / 3; }
+    // The mesh with about 1 / ratio of its vertices; false if it cannot be simplified so far. Ratios rise.
+    bool simplify(size_t ratio, TriangleMesh& simplified) {
+        size_t target = vertex_count() / ratio;
+        simplifier.reduce(target, simplified);
+        return !simplified.faces.empty() &&
+               static_cast<double>(simplified.vertices.size()) <= LARGEST_EXCESS * static_cast<double>(target);
+    }
     // Whether searches take reasonable time: a tangle of large triangles has no previews.
     bool can_be_searched() const {
-        Array<Vector> some(budget);
-        sampled(tree, 1000, 0, some);
-        return tree.visits_per_search(some.span()) <= TANGLED;
+        if (!tree) return false;
+        CurvePoints some(budget);
+        tree->sampled(1000, 0, some, budget);
+        return tree->visits_per_search(some.at.span()) <= TANGLED;
     }
-    void sampled(const ClosestPoints& of, size_t count, uint64_t seed, Array<Vector>& some) const {
-        Array<Foot> feet(budget);
-        feet.resize(count);
-        sample(of.faces(), seed, feet.span());
-        some.clear();
-        for (const Foot& foot : feet) some.push(foot.on(of.surface()));
-    }
+    // Root mean square distance from the mesh of what is so far from its clusters, as far as that is known.
+    double with_lost(double mean_square) const { return std::sqrt(mean_square + lost); }
     // Side of the cells, in grid steps, of the octree's first level of at least `count` cells.
     double cell_side(size_t count) const {
         int depth = 0;
@@ -103,21 +115,37 @@ struct Original {
         return static_cast<double>(1 << (mesh.bits - depth));
     }
 
+    void find_lost() {
+        size_t n = vertex_count(), stride = n / SAMPLES + 1, count = 0, hint = 0;
+        for (size_t v = 0; v < n; v += stride, count++) {
+            const int32_t* at = mesh.positions.block(3 * v, 3);
+            Closest found = tree->closest(
+                {static_cast<double>(at[0]), static_cast<double>(at[1]), static_cast<double>(at[2])}, hint);
+            lost += found.squared;
+            hint = static_cast<size_t>(found.foot.face);
+        }
+        lost /= static_cast<double>(count);
+    }
+
     GridMesh mesh;
     Budget& budget;
-    Array<int32_t> faces; // of three different corners
-    Array<Vector> points;
-    ClosestPoints tree;
-    size_t cells[32] = {}; // of each depth, or fewer
+    Simplifier simplifier;
+    // Clusters, as they are before the first collapse: distances from them are found much faster than from the mesh.
+    TriangleMesh surface;
+    std::unique_ptr<ClosestPoints> tree; // of that, unless it has no faces
+    double lost = 0;                     // mean square distance of the mesh's vertices from it
+    size_t cells[32] = {};               // of each depth, or fewer
 };
 
 // A simplified mesh whose vertices have been moved to the original surface.
 struct Fit {
     Fit(const Original& original, const TriangleMesh& mesh)
-        : refitter(original.tree, mesh.faces.span(), mesh.vertices.size(), original.budget), vertices(original.budget) {
+        : refitter(*original.tree, mesh.faces.span(), mesh.vertices.size(), original.budget),
+          vertices(original.budget) {
         vertices.copy(mesh.vertices.span());
         refitter.fit(vertices.span());
-        distance = refitter.distance(vertices.span());
+        double apart = refitter.distance(vertices.span());
+        distance = original.with_lost(apart * apart);
         shows_more = distance <= OCTREE_DISTANCE * original.cell_side(vertices.size());
     }
     Refitter refitter;
@@ -170,27 +198,14 @@ public:
         double distance;
     };
 
-    Candidates(const Original& original, const PreviewSize& size)
+    // ratios: those of the meshes, finest first.
+    Candidates(Original& original, const std::vector<size_t>& ratios, const PreviewSize& size)
         : original_(original), size_(size), samples_(original.budget) {
-        original.sampled(original.tree, SAMPLES, SEED, samples_);
-        std::vector<size_t> targets, ratios;
-        double ratio = FINEST_RATIO;
-        for (size_t step = 0; step <= STEPS; step++, ratio *= STEP) {
-            auto rounded_ratio = static_cast<size_t>(ratio + 0.5);
-            if (original.large() && rounded_ratio < LARGE_RATIO) continue;
-            size_t target = original.vertex_count() / rounded_ratio;
-            if (target < FEWEST_PREVIEW_VERTICES) break;
-            targets.push_back(target), ratios.push_back(rounded_ratio);
-        }
-        if (targets.empty()) return;
-        Simplifier simplifier(original.mesh.positions, original.faces.span(), original.mesh.bits, targets[0],
-                              original.budget);
-        for (size_t i = 0; i < targets.size(); i++) {
+        original.tree->sampled(SAMPLES, SEED, samples_, original.budget);
+        for (size_t ratio : ratios) {
             TriangleMesh mesh(original.budget);
-            simplifier.reduce(targets[i], mesh);
-            if (mesh.faces.empty()) break;
-            if (static_cast<double>(mesh.vertices.size()) > LARGEST_EXCESS * static_cast<double>(targets[i])) break;
-            meshes_.push_back({ratios[i], std::move(mesh), nullptr, {}});
+            if (!original.simplify(ratio, mesh)) break;
+            meshes_.push_back({ratio, std::move(mesh), nullptr, {}});
         }
         std::reverse(meshes_.begin(), meshes_.end());
     }
@@ -199,26 +214,22 @@ public:
     // `finest`.
     std::unique_ptr<Found> smallest_within(double distance, size_t first, size_t finest) {
         int bits = grid_bits(SHARE_OF_FIT * distance, original_.mesh.bits);
-        bool thorough = bits <= FEW_BITS && !original_.large();
-        std::unique_ptr<Found> best;
-        size_t best_size = SIZE_MAX;
+        bool thorough = bits <= FEW_BITS && !is_large(original_.mesh);
+        std::vector<Found> found;
         for (int depth : {bits, std::min(bits + 1, original_.mesh.bits)}) {
             size_t place = coarsest_within(distance, depth, first, finest);
             if (place >= meshes_.size()) continue;
-            size_t nearest = thorough ? std::min(MORE_PLACES, place - first) : 0;
-            for (size_t coarser = 0; coarser <= nearest; coarser++) {
-                // The place itself first, then those before it in their order.
-                size_t near = coarser == 0 ? place : place - nearest + coarser - 1;
-                const Measured& measured = measure(near, depth, distance);
-                if (!(measured.distance <= distance)) continue;
-                size_t bytes = size_(measured.preview);
-                if (bytes >= best_size) continue;
-                best_size = bytes;
-                best = std::make_unique<Found>(Found{near, copy(measured.preview), measured.distance});
-            }
+            const Measured& measured = measure(place, depth, distance);
+            if (measured.distance <= distance) found.push_back({place, copy(measured.preview), measured.distance});
             if (!thorough) break;
         }
-        return best;
+        if (found.empty()) return nullptr;
+        size_t best = 0, best_size = found.size() > 1 ? size_(found[0].preview) : 0;
+        for (size_t i = 1; i < found.size(); i++) {
+            size_t bytes = size_(found[i].preview);
+            if (bytes < best_size) best = i, best_size = bytes;
+        }
+        return std::make_unique<Found>(std::move(found[best]));
     }
 
 private:
@@ -263,11 +274,15 @@ private:
         return low < end ? low : meshes_.size();
     }
 
+    // What rounding to a grid of `bits` bits adds to the square of a distance, as its root.
+    double rounding_of(int bits) const {
+        return (bits > FEW_BITS ? ROUNDING : COARSE_ROUNDING) * grid_steps(original_.mesh.bits) / grid_steps(bits);
+    }
+
     // The coarsest place whose preview may be within the distance: by the fit that is nearest to it. The distance of a
     // fit falls as its vertices rise; what rounding adds to its square does not.
     size_t guess(double distance, int bits) const {
-        double rounding =
-            (bits > FEW_BITS ? ROUNDING : COARSE_ROUNDING) * grid_steps(original_.mesh.bits) / grid_steps(bits);
+        double rounding = rounding_of(bits);
         double least = LEAST_SHARE * distance;
         double wanted =
             natural_logarithm(std::sqrt(std::max(distance * distance - rounding * rounding, least * least)));
@@ -300,11 +315,12 @@ private:
     }
 
     // The preview at a place on a grid of `bits` bits and its distance: infinity if it shows no more than an octree
-    // level of as many vertices, or the fit alone is farther than `wanted`.
+    // level of as many vertices, or is not expected to be within `wanted`.
     const Measured& measure(size_t place, int bits, double wanted) {
         Candidate& one = meshes_[place];
         if (one.fit == nullptr) one.fit = std::make_unique<Fit>(original_, one.mesh);
-        if (!one.fit->shows_more || one.fit->distance > wanted) return hopeless_;
+        double fit = one.fit->distance, rounding = rounding_of(bits), limit = TOO_FAR * wanted;
+        if (!one.fit->shows_more || fit > wanted || fit * fit + rounding * rounding > limit * limit) return hopeless_;
         for (const Measured& known : one.measured)
             if (known.bits == bits) return known;
         Measured measured{bits, rounded(original_, *one.fit, one.mesh, bits), INFINITY};
@@ -314,54 +330,48 @@ private:
     }
 
     double distance_of(const Preview& preview) const {
-        Array<Vector> vertices(original_.budget), points(original_.budget);
+        Array<Vector> vertices(original_.budget);
+        CurvePoints points(original_.budget);
         double step = grid_steps(original_.mesh.bits) / grid_steps(preview.bits);
         for (size_t i = 0; i < preview.positions.size(); i += 3)
             vertices.push(Vector{static_cast<double>(preview.positions[i]),
                                  static_cast<double>(preview.positions[i + 1]),
                                  static_cast<double>(preview.positions[i + 2])} *
                           step);
-        ClosestPoints tree({vertices.span(), preview.faces.span()}, original_.budget);
-        original_.sampled(tree, SAMPLES, SEED + 1, points);
-        return std::sqrt(std::max(tree.spread(samples_.span()).mean, original_.tree.spread(points.span()).mean));
+        ClosestPoints tree({vertices.span(), preview.faces.span()}, original_.budget, original_.tree.get());
+        tree.sampled(SAMPLES, SEED + 1, points, original_.budget);
+        return original_.with_lost(std::max(tree.spread(samples_).mean, original_.tree->spread(points).mean));
     }
 
     const Original& original_;
     const PreviewSize& size_;
-    Array<Vector> samples_;
+    CurvePoints samples_;
     std::vector<Candidate> meshes_;
     Measured hopeless_{0, Preview(original_.budget), INFINITY};
 };
-
-bool makes_sense(const GridMesh& mesh) { return mesh.positions.size() / 3 >= FEWEST_VERTICES && mesh.faces.size() > 0; }
-
-bool has_faces(const GridMesh& mesh) {
-    for (size_t t = 0; t + 2 < mesh.faces.size(); t += 3) {
-        int32_t a = mesh.faces[t], b = mesh.faces[t + 1], c = mesh.faces[t + 2];
-        if (a != b && b != c && c != a) return true;
-    }
-    return false;
-}
 
 } // namespace
 
 std::vector<Preview> choose_previews(const GridMesh& mesh, const PreviewSize& size, Budget& budget) {
     std::vector<Preview> previews;
-    if (!makes_sense(mesh) || !has_faces(mesh)) return previews;
-    Original original(mesh, budget);
+    std::vector<size_t> ratios = ratios_of(mesh);
+    if (ratios.empty() || mesh.faces.size() == 0) return previews;
+    Original original(mesh, mesh.positions.size() / 3 / ratios[0], budget);
     if (!original.can_be_searched()) return previews;
-    Candidates candidates(original, size);
-    Vector low = original.points[0], high = low;
-    for (Vector p : original.points) {
-        low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
-        high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    Candidates candidates(original, ratios, size);
+    int32_t low[3] = {INT32_MAX, INT32_MAX, INT32_MAX}, high[3] = {};
+    for (size_t i = 0; i < mesh.positions.size(); i++) {
+        low[i % 3] = std::min(low[i % 3], mesh.positions[i]);
+        high[i % 3] = std::max(high[i % 3], mesh.positions[i]);
     }
-    double diagonal = length(high - low), reached = INFINITY;
+    Vector sides{static_cast<double>(high[0] - low[0]), static_cast<double>(high[1] - low[1]),
+                 static_cast<double>(high[2] - low[2])};
+    double diagonal = length(sides), reached = INFINITY;
     size_t place = 0;
     for (double wanted : DISTANCES) {
         double distance = MARGIN * wanted * diagonal;
         if (reached <= distance) continue;
-        size_t finest = original.large() ? LARGE_RATIO : static_cast<size_t>(FINEST_RATIO);
+        size_t finest = ratios[0];
         if (wanted == DISTANCES[std::size(DISTANCES) - 1]) finest = std::max(finest, LAST_RATIO);
         std::unique_ptr<Candidates::Found> found = candidates.smallest_within(distance, place, finest);
         if (found == nullptr) continue;
@@ -378,15 +388,12 @@ std::vector<Preview> make_previews(const GridMesh& mesh, std::vector<size_t> rat
     ratios.erase(std::unique(ratios.begin(), ratios.end()), ratios.end());
     size_t n = mesh.positions.size() / 3;
     std::erase_if(ratios, [&](size_t ratio) { return ratio < 2 || n / ratio < FEWEST_PREVIEW_VERTICES; });
-    if (!makes_sense(mesh) || !has_faces(mesh) || ratios.empty()) return previews;
-    Original original(mesh, budget);
+    if (n < FEWEST_VERTICES || mesh.faces.size() == 0 || ratios.empty()) return previews;
+    Original original(mesh, n / ratios[0], budget);
     if (!original.can_be_searched()) return previews;
-    Simplifier simplifier(mesh.positions, original.faces.span(), mesh.bits, n / ratios[0], budget);
     for (size_t ratio : ratios) {
         TriangleMesh coarse(budget);
-        simplifier.reduce(n / ratio, coarse);
-        if (coarse.faces.empty()) break;
-        if (static_cast<double>(coarse.vertices.size()) > LARGEST_EXCESS * static_cast<double>(n / ratio)) break;
+        if (!original.simplify(ratio, coarse)) break;
         Fit fit(original, coarse);
         if (!fit.shows_more) continue;
         Preview preview = rounded(original, fit, coarse, grid_bits(fit.distance, mesh.bits));

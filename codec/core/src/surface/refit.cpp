@@ -9,12 +9,14 @@ namespace meshtide::inline MESHTIDE_ISA {
 namespace {
 
 constexpr size_t ROUNDS = 3;
-constexpr size_t ROUGH_ROUNDS = 2;        // of these, with every second sample: the next one changes more than that
-constexpr size_t MEASURED_SAMPLES = 4000; // of either surface, for distances
+constexpr size_t ROUGH_ROUNDS = 2;        // of these, with fewer samples: the next one changes more than that
+constexpr size_t ROUGH_STRIDE = 3;        // of samples then
+constexpr size_t MEASURED_SAMPLES = 1000; // of either surface, for distances
 constexpr size_t ROUNDING_ROUNDS = 2;     // projections while vertices move on the grid
+constexpr size_t ROUNDING_STRIDE = 2;     // of samples in the first of them
 constexpr size_t ROUNDING_PASSES = 20;    // over all vertices, after each projection; most end earlier
-constexpr size_t SAMPLES_PER_VERTEX = 12; // of either surface; more of them make it no closer
-constexpr size_t FEWEST_SAMPLES = 2000;
+constexpr size_t SAMPLES_PER_VERTEX = 10; // of either surface; more of them make it no closer
+constexpr size_t FEWEST_SAMPLES = 600;
 constexpr double STIFFNESS = 0.005; // of the spring that holds a vertex, for each sample that falls to it
 constexpr size_t PASSES = 30;       // of conjugate gradients, in each round
 constexpr double TOLERANCE = 1e-2;  // of the gradient: the projection of the next round changes more than that
@@ -36,7 +38,7 @@ Refitter::Refitter(const ClosestPoints& original, Span<const int32_t> faces, siz
     size_t count = std::max(FEWEST_SAMPLES, SAMPLES_PER_VERTEX * vertices);
     full_stiffness_ = stiffness_ = STIFFNESS * 2.0 * static_cast<double>(count) / static_cast<double>(vertices);
     own_.resize(count);
-    sample(original.faces(), SEED, own_.span());
+    original.sample(SEED, own_.span(), budget);
     samples_.resize(count);
     for (size_t i = 0; i < count; i++) samples_[i] = own_[i].on(original.surface());
     feet_.assign(count, Foot{});
@@ -55,7 +57,7 @@ Refitter::Refitter(const ClosestPoints& original, Span<const int32_t> faces, siz
 
 void Refitter::fit(Span<Vector> vertices) {
     for (size_t round = 0; round < ROUNDS; round++) {
-        project(vertices, round < ROUGH_ROUNDS ? 2 : 1);
+        project(vertices, round < ROUGH_ROUNDS ? ROUGH_STRIDE : 1);
         solve(vertices);
     }
 }
@@ -78,7 +80,7 @@ void Refitter::round(Span<const Vector> vertices, double step, int32_t last, Arr
             placed[v] = Vector{static_cast<double>(grid[3 * v]), static_cast<double>(grid[3 * v + 1]),
                                static_cast<double>(grid[3 * v + 2])} *
                         step;
-        project(placed.span(), 1);
+        project(placed.span(), round == 0 ? ROUNDING_STRIDE : 1);
         for (size_t v = 0; v < vertices.size(); v++)
             gradient_[v] = gradient_[v] + (placed[v] - vertices[v]) * stiffness_;
         for (size_t pass = 0; pass < ROUNDING_PASSES; pass++)
@@ -89,7 +91,7 @@ void Refitter::round(Span<const Vector> vertices, double step, int32_t last, Arr
 double Refitter::distance(Span<const Vector> vertices) {
     Surface mesh{vertices, faces_};
     ClosestPoints tree(mesh, budget_);
-    sample(tree.faces(), SEED + 1, own_.span());
+    tree.sample(SEED + 1, own_.span(), budget_);
     size_t stride = (samples_.size() + MEASURED_SAMPLES - 1) / MEASURED_SAMPLES, count = 0;
     double forth = 0.0, back = 0.0;
     for (size_t i = 0; i < samples_.size(); i += stride, count++) {
@@ -118,7 +120,7 @@ void Refitter::project(Span<const Vector> vertices, size_t stride) {
         feet_[i] = tree.closest(samples_[i], hint(feet_, i, stride)).foot;
         add_plane(feet_[i], vertices, direction(samples_[i] - feet_[i].on(mesh), mesh, feet_[i]), samples_[i]);
     }
-    sample(tree.faces(), SEED + 1, own_.span());
+    tree.sample(SEED + 1, own_.span(), budget_);
     for (size_t i = 0; i < own_.size(); i += stride) {
         Vector point = own_[i].on(mesh);
         back_[i] = original_.closest(point, hint(back_, i, stride)).foot;

@@ -61,8 +61,9 @@ bool chain(Wedges wedges, Array<int32_t>& members) {
             members.push(head);
         }
         // What was found backwards belongs in front, turned around.
-        std::reverse(members.begin() + forward, members.end());
-        std::rotate(members.begin() + begin, members.begin() + forward, members.end());
+        size_t backwards = members.size() - forward;
+        std::reverse(members.begin() + begin, members.end());
+        std::reverse(members.begin() + begin + backwards, members.end());
     }
     return closed;
 }

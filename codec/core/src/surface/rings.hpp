@@ -1,4 +1,5 @@
-// One-rings: the neighbours of each vertex in the order in which its triangles turn around it (docs/format.md, Rings).
+// One-rings: the neighbours of each vertex in the order in which its triangles turn around it (docs/format.md, What is
+// drawn).
 //
 // Each triangle at a vertex is a wedge from one neighbour to the next; wedges are chained head to tail. A closed ring
 // is a single chain that meets its start again; around borders, non-manifold and inconsistently oriented vertices the

@@ -19,8 +19,7 @@ double element(uint64_t start, uint64_t step, uint64_t place) {
     return static_cast<double>((start + step * place) >> 11) * 0x1p-53;
 }
 
-} // namespace
-
+// The area of each face together with all before it, in some unit; or how many there are, if none has an area.
 void sum_areas(const Surface& surface, Span<const uint32_t> order, Array<double>& areas) {
     areas.resize(order.size());
     double total = 0.0;
@@ -29,34 +28,38 @@ void sum_areas(const Surface& surface, Span<const uint32_t> order, Array<double>
     for (size_t i = 0; i < order.size(); i++) areas[i] = static_cast<double>(i + 1);
 }
 
-void sample(const OrderedFaces& faces, uint64_t seed, Span<Foot> samples) {
-    size_t last = faces.order.size() - 1, at = 0;
-    double share = faces.areas[last] / static_cast<double>(samples.size());
+} // namespace
+
+void sample(const Surface& surface, Span<const uint32_t> order, uint64_t seed, Span<Foot> samples, Budget& budget) {
+    Array<double> areas(budget);
+    sum_areas(surface, order, areas);
+    size_t last = order.size() - 1, at = 0;
+    double share = areas[last] / static_cast<double>(samples.size());
     uint64_t starts[3] = {mixed(3 * seed), mixed(3 * seed + 1), mixed(3 * seed + 2)};
     for (size_t i = 0; i < samples.size(); i++) {
         double target = (static_cast<double>(i) + element(starts[0], STEPS[0], i)) * share;
-        while (at < last && faces.areas[at] < target) at++;
+        while (at < last && areas[at] < target) at++;
         double root = std::sqrt(element(starts[1], STEPS[1], i)), across = element(starts[2], STEPS[2], i);
-        samples[i] = {static_cast<int32_t>(faces.order[at]), root * (1.0 - across), root * across};
+        samples[i] = {static_cast<int32_t>(order[at]), root * (1.0 - across), root * across};
     }
 }
 
-void used_vertices(const Surface& surface, Span<const uint32_t> order, size_t limit, Array<Vector>& vertices,
+void used_vertices(const Surface& surface, Span<const uint32_t> order, size_t limit, Array<UsedVertex>& used,
                    Budget& budget) {
     Array<uint8_t> seen(budget);
-    Array<int32_t> used(budget);
     seen.assign(surface.vertices.size(), 0);
-    for (uint32_t face : order) {
+    used.clear();
+    for (size_t i = 0; i < order.size(); i++) {
         for (size_t k = 0; k < 3; k++) {
-            int32_t v = surface.corner(face, k);
+            int32_t v = surface.corner(order[i], k);
             if (seen[static_cast<size_t>(v)] != 0) continue;
             seen[static_cast<size_t>(v)] = 1;
-            used.push(v);
+            used.push({v, static_cast<uint32_t>(i)});
         }
     }
-    size_t stride = used.size() > limit ? (used.size() + limit - 1) / limit : 1;
-    vertices.clear();
-    for (size_t i = 0; i < used.size(); i += stride) vertices.push(surface.vertices[static_cast<size_t>(used[i])]);
+    size_t stride = used.size() > limit ? (used.size() + limit - 1) / limit : 1, kept = 0;
+    for (size_t i = 0; i < used.size(); i += stride) used[kept++] = used[i];
+    used.resize(kept);
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA

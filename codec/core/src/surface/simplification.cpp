@@ -9,9 +9,9 @@ namespace meshtide::inline MESHTIDE_ISA {
 
 namespace {
 
-constexpr size_t CLUSTERS_PER_VERTEX = 10; // before the first collapse, for each vertex of the finest simplified mesh
-constexpr size_t FEWEST_CLUSTERS = 3000;   // it is quick from there, and details of small meshes are not lost
-constexpr size_t HEAP_PER_EDGE = 2;        // entries, outdated ones included: current ones never exceed the edges
+constexpr size_t CLUSTERS_PER_VERTEX = 7; // before the first collapse, for each vertex of the finest simplified mesh
+constexpr size_t FEWEST_CLUSTERS = 3000;  // it is quick from there, and details of small meshes are not lost
+constexpr size_t HEAP_PER_EDGE = 2;       // entries, outdated ones included: current ones never exceed the edges
 
 constexpr double BORDER_WEIGHT = 0.5;  // of a plane across a border edge, times the edge's squared length
 constexpr double SETTLING_PULL = 1e-2; // weight of the squared distance to a cluster's middle, against that of planes

@@ -2,9 +2,9 @@
 //
 // Vertices are first clustered in the cells of the octree's depth that has enough of them, each cluster with the sum of
 // its vertices' quadrics (Lindstrom, "Out-of-core simplification of large polygonal models", SIGGRAPH 2000): far
-// cheaper than to collapse them one by one, and no worse when ten times as many are left as are wanted in the end. Then
-// edges are collapsed (Garland, Heckbert, "Surface simplification using quadric error metrics", SIGGRAPH 1997), with a
-// weak pull towards the collapsed ends that keeps flat regions well shaped.
+// cheaper than to collapse them one by one, and no worse when seven times as many are left as are wanted in the end.
+// Then edges are collapsed (Garland, Heckbert, "Surface simplification using quadric error metrics", SIGGRAPH 1997),
+// with a weak pull towards the collapsed ends that keeps flat regions well shaped.
 //
 // Faces may meet in any way. Collapses that turn a face over are put off, and those that glue sheets together are made
 // only when no others are left, so that meshes of many parts get as coarse as any. The queue is a heap whose outdated
@@ -18,8 +18,8 @@ namespace meshtide::inline MESHTIDE_ISA {
 
 class Simplifier {
 public:
-    // A mesh of grid points in Morton order, three coordinates below 2^bits each, pairwise different; faces of three
-    // different corners; `finest` is the greatest number of vertices that will be asked for.
+    // A mesh of grid points in Morton order, three coordinates below 2^bits each, pairwise different; faces, of
+    // which those of three different corners count; `finest` is the greatest number of vertices that will be asked for.
     Simplifier(Span<const int32_t> positions, Span<const int32_t> faces, int bits, size_t finest, Budget& budget);
 
     // Gets coarser from call to call: to `target` vertices, or as near as it goes. Faces are canonical.

@@ -15,7 +15,12 @@ constexpr F32x4 SHARPENING[4] = {{13, 26, 26, 26}, {38, 51, 64, 0}, {51, 51, 64,
 // Which of STRENGTHS each lane of the second step is: f = 13 26 38 64, 64 64 64 0, 77 96 115 51, 77 96 96 115.
 constexpr uint8_t NAMES[4][4] = {{1, 2, 3, 5}, {6, 7, 8, 0}, {9, 12, 15, 4}, {10, 13, 11, 14}};
 
-constexpr size_t BATCH = 64; // faces whose costs are summed up in floats
+constexpr size_t RUN = 128; // faces one after the other whose costs are summed up in floats
+// Faces of a level that are enough to look at: of more, every second run, every third, ...
+constexpr size_t FACES = 10000;
+
+// What a vertex is needed for: to be drawn, or as the neighbour of one that is.
+enum Need : uint8_t { NOTHING, NEIGHBOUR, CORNER };
 
 struct Smoothed {
     F32x4 along[3][2]; // of each axis, by SMOOTHING
@@ -36,7 +41,7 @@ class Chooser {
 public:
     Chooser(const Octree& octree, Budget& budget)
         : octree_(octree), budget_(budget), normals_(budget), middles_(budget), planes_(budget), smoothed_(budget),
-          apart_(budget), rings_(budget) {
+          apart_(budget), rings_(budget), needs_(budget) {
         // Area-weighted normals of the finest vertices.
         normals_.assign(octree.positions.size() / 3, splat(0.0f));
         const Array<int32_t>& faces = octree.depths.back().faces;
@@ -51,12 +56,13 @@ public:
     }
 
     uint8_t choose(int depth) {
-        const Octree::Depth& level = octree_.depths[static_cast<size_t>(depth)];
+        const Octree::Depth& level = octree_.at(depth);
         if (level.faces.empty() || depth == octree_.bits) return 0;
         // Levels of as many vertices have the same faces.
         if (rings_.vertex_count() != level.cell_count() || members_of_ != level.faces.size()) {
             order_rings(level.faces.span(), level.cell_count(), rings_, budget_);
             members_of_ = level.faces.size();
+            find_needs(level.faces.span());
         }
         find_planes(level, octree_.bits - depth);
         auto side = static_cast<float>(1 << (octree_.bits - depth));
@@ -71,11 +77,36 @@ private:
         return F32x4{static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2]), 0.0f};
     }
 
+    // Calls run(first, end) for all that are looked at: places in `faces`.
+    template <class Run>
+    static void each_run(Span<const int32_t> faces, Run run) {
+        size_t stride = 1 + (faces.size() / 3 - 1) / FACES;
+        for (size_t first = 0; first < faces.size(); first += 3 * RUN * stride)
+            run(first, std::min(first + 3 * RUN, faces.size()));
+    }
+    void find_needs(Span<const int32_t> faces) {
+        needs_.assign(rings_.vertex_count(), NOTHING);
+        each_run(faces, [&](size_t first, size_t end) {
+            for (size_t i = first; i < end; i++) needs_[static_cast<size_t>(faces[i])] = CORNER;
+        });
+        for (size_t v = 0; v < needs_.size(); v++) {
+            if (needs_[v] != CORNER) continue;
+            for (size_t i = rings_.starts[v]; i < rings_.starts[v + 1]; i++) {
+                uint8_t& need = needs_[static_cast<size_t>(rings_.members[i])];
+                if (need == NOTHING) need = NEIGHBOUR;
+            }
+        }
+    }
+
     void find_planes(const Octree::Depth& level, int shift) {
         size_t n = level.cell_count();
         middles_.resize(n);
         planes_.resize(n);
         for (size_t v = 0; v < n; v++) {
+            const int32_t* at = octree_.positions.block(3 * static_cast<size_t>(level.first[v]), 3);
+            for (size_t k = 0; k < 3; k++) middles_[v][k] = static_cast<float>((2 * (at[k] >> shift) + 1) << shift);
+            middles_[v][3] = 0.0f;
+            if (needs_[v] != CORNER) continue;
             F32x4 point = splat(0.0f), normal = splat(0.0f);
             for (size_t i = level.first[v]; i < level.first[v + 1]; i++) {
                 point = point + finest(static_cast<int32_t>(i));
@@ -84,19 +115,17 @@ private:
             float size = std::sqrt(dot3(normal, normal));
             if (size > 0.0f) normal = normal / splat(size);
             point = point * splat(2.0f / static_cast<float>(level.first[v + 1] - level.first[v])) + splat(1.0f);
-            const int32_t* at = octree_.positions.block(3 * static_cast<size_t>(level.first[v]), 3);
             for (size_t k = 0; k < 3; k++) {
-                middles_[v][k] = static_cast<float>((2 * (at[k] >> shift) + 1) << shift);
                 planes_[v].point[k] = point[k];
                 planes_[v].normal[k] = normal[k];
             }
-            middles_[v][3] = 0.0f;
         }
     }
 
     void smooth(float side) {
         smoothed_.resize(middles_.size());
         for (size_t v = 0; v < middles_.size(); v++) {
+            if (needs_[v] == NOTHING) continue;
             size_t first = rings_.starts[v], last = rings_.starts[v + 1];
             F32x4 total = splat(0.0f), middle = middles_[v];
             for (size_t i = first; i < last; i++) total = total + middles_[static_cast<size_t>(rings_.members[i])];
@@ -112,6 +141,7 @@ private:
     void sharpen(float side) {
         apart_.resize(middles_.size());
         for (size_t v = 0; v < middles_.size(); v++) {
+            if (needs_[v] != CORNER) continue;
             size_t first = rings_.starts[v], last = rings_.starts[v + 1];
             Smoothed total{};
             for (size_t i = first; i < last; i++) {
@@ -143,9 +173,9 @@ private:
     // Sum over faces of area times the square of how far the middle is off, on average of its corners.
     uint8_t best(Span<const int32_t> faces) const {
         double costs[4][4] = {};
-        for (size_t batch = 0; batch < faces.size(); batch += 3 * BATCH) {
+        each_run(faces, [&](size_t start, size_t end) {
             F32x4 sums[4] = {};
-            for (size_t t = batch; t < std::min(batch + 3 * BATCH, faces.size()); t += 3) {
+            for (size_t t = start; t < end; t += 3) {
                 auto a = static_cast<size_t>(faces[t]), b = static_cast<size_t>(faces[t + 1]);
                 auto c = static_cast<size_t>(faces[t + 2]);
                 auto point = [&](size_t v) {
@@ -160,7 +190,7 @@ private:
             }
             for (size_t g = 0; g < 4; g++)
                 for (size_t lane = 0; lane < 4; lane++) costs[g][lane] += static_cast<double>(sums[g][lane]);
-        }
+        });
         uint8_t best = STRENGTH_COUNT;
         double least_cost = 0.0;
         for (size_t g = 0; g < 4; g++) {
@@ -183,6 +213,7 @@ private:
     Array<Smoothed> smoothed_;
     Array<Apart> apart_;
     Rings rings_;
+    Array<uint8_t> needs_;
     size_t members_of_ = 0;
 };
 

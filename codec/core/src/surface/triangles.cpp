@@ -28,6 +28,13 @@ struct Triangle {
 
 } // namespace
 
+Span<const int32_t> faces_or_vertices(const Surface& surface, Array<int32_t>& points) {
+    if (surface.face_count() != 0) return surface.faces;
+    points.resize(3 * surface.vertices.size());
+    for (size_t i = 0; i < points.size(); i++) points[i] = static_cast<int32_t>(i / 3);
+    return points.span();
+}
+
 void canonical_faces(Array<int32_t>& faces, size_t vertices, Budget& budget) {
     Array<Triangle> triangles(budget);
     triangles.reserve(faces.size() / 3);
@@ -54,23 +61,23 @@ void canonical_faces(Array<int32_t>& faces, size_t vertices, Budget& budget) {
 }
 
 void find_edges(Span<const int32_t> faces, size_t vertices, Array<Edge>& edges, Budget& budget) {
-    edges.clear();
-    edges.reserve(faces.size());
-    for (uint32_t h = 0; h < faces.size(); h++) {
-        int32_t from = faces[h], to = faces[h % 3 == 2 ? h - 2 : h + 1];
-        edges.push({std::min(from, to), std::max(from, to), h, 1});
-    }
+    auto from = [&](uint32_t h) { return faces[h]; };
+    auto to = [&](uint32_t h) { return faces[h % 3 == 2 ? h - 2 : h + 1]; };
+    auto lower = [&](uint32_t h) { return std::min(from(h), to(h)); };
+    auto upper = [&](uint32_t h) { return std::max(from(h), to(h)); };
+    Array<uint32_t> corners(budget); // where edges begin, by their lower ends
+    corners.resize(faces.size());
+    for (uint32_t h = 0; h < corners.size(); h++) corners[h] = h;
     sort_by_vertex(
-        edges, vertices, [](const Edge& e) { return static_cast<size_t>(e.from); },
-        [](const Edge& e, const Edge& f) { return e.to != f.to ? e.to < f.to : e.corner < f.corner; }, budget);
-    size_t kept = 0;
-    for (size_t e = 0; e < edges.size(); e++) {
-        if (kept > 0 && edges[kept - 1].from == edges[e].from && edges[kept - 1].to == edges[e].to)
-            edges[kept - 1].faces++;
+        corners, vertices, [&](uint32_t h) { return static_cast<size_t>(lower(h)); },
+        [&](uint32_t g, uint32_t h) { return upper(g) != upper(h) ? upper(g) < upper(h) : g < h; }, budget);
+    edges.clear();
+    for (uint32_t h : corners) {
+        if (!edges.empty() && edges.back().from == lower(h) && edges.back().to == upper(h))
+            edges.back().faces++;
         else
-            edges[kept++] = edges[e];
+            edges.push({lower(h), upper(h), h, 1});
     }
-    edges.resize(kept);
 }
 
 void drop_unused(Array<int32_t>& faces, size_t vertices, Array<int32_t>& used, Budget& budget) {

@@ -13,6 +13,9 @@ struct TriangleMesh {
     Surface surface() const { return {vertices.span(), faces.span()}; }
 };
 
+// The faces of a surface, or where there are none, one for each vertex, which are kept in `points`.
+Span<const int32_t> faces_or_vertices(const Surface& surface, Array<int32_t>& points);
+
 // The set of oriented triangles: each rotated until its smallest corner stands first, in lexicographic order; those of
 // less than three different corners, and repeated ones, left out. Corners are below `vertices`. O(m log m).
 void canonical_faces(Array<int32_t>& faces, size_t vertices, Budget& budget);

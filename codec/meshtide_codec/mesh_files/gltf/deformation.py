@@ -166,6 +166,7 @@ def morphed(
     targets: Sequence[Mapping[str, int]],
     weights: Sequence[float],
     accessors: Accessors,
+    *,
     where: str,
     count: int,
     chosen: NDArray[np.int64] | None,

@@ -119,7 +119,9 @@ class Geometries:
         positions = tables.pop(POSITION).real()
 
         def morphed(values: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-            return deformation.morphed(values, name, first.targets, weights, self.accessors, first.where, count, chosen)
+            return deformation.morphed(
+                values, name, first.targets, weights, self.accessors, where=first.where, count=count, chosen=chosen
+            )
 
         vertices = morphed(positions, POSITION)
         for name, table in tables.items():

@@ -73,7 +73,7 @@ def obj_scene(source: Source, parts: Parts, statements: Statements, materials: M
     del corners
     attributes = []
     for place, name, kind in ((1, "TEXCOORD_0", Kind.TEXCOORD), (2, "NORMAL", Kind.NORMAL)):
-        attribute = _of_corners(source, name, kind, parts, place, cut, faces, len(vertices))
+        attribute = _of_corners(source, name, kind, parts, place, cut=cut, faces=faces, vertices=len(vertices))
         if attribute is not None:
             attributes.append(attribute)
     color = _colors(parts, len(vertices))
@@ -134,7 +134,15 @@ def _cut(source: Source, parts: Parts, vertices: NDArray[np.float64], corners: N
 
 
 def _of_corners(
-    source: Source, name: str, kind: Kind, parts: Parts, place: int, cut: _Cut, faces: NDArray[np.int64], vertices: int
+    source: Source,
+    name: str,
+    kind: Kind,
+    parts: Parts,
+    place: int,
+    *,
+    cut: _Cut,
+    faces: NDArray[np.int64],
+    vertices: int,
 ) -> Attribute | None:
     """Texture coordinates or normals; None if no corner names any."""
     if not parts.tables[place]:

@@ -1,0 +1,98 @@
+"""The commands `edit`, `delete` and `tags`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from meshtide_client.commands.options import CaFileOption, TimeoutOption, TokenFileOption
+from meshtide_client.connection.secrecy import shown_address
+from meshtide_codec.command_line import LONGEST_EXPLANATION
+from meshtide_codec.json_text import json_text
+from meshtide_codec.printable import printable, shown
+from meshtide_codec.shared_options import JsonOption
+
+Mesh = Annotated[str, typer.Argument(help="The mesh: http://host:port/meshes/ID.")]
+
+
+def edit(
+    url: Mesh,
+    name: Annotated[str | None, typer.Option(help="Its name from now on.")] = None,
+    tag: Annotated[list[str] | None, typer.Option(help="All its tags from now on. May be repeated.")] = None,
+    no_tags: Annotated[bool, typer.Option("--no-tags", help="Take all its tags away.")] = False,
+    licence: Annotated[str | None, typer.Option(help="The text of its terms from now on.")] = None,
+    timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Change what a server tells of a published mesh; it is not encoded again. Takes a write token.
+
+    Example: MESHTIDE_TOKEN=... meshtide edit http://localhost:8000/meshes/vase --tag clay --licence "CC BY 4.0"
+    """
+    from dataclasses import asdict
+
+    from meshtide_client.connection.credentials import find_token
+    from meshtide_client.remote.edit import change_mesh
+    from meshtide_codec.errors import OptionError
+
+    if tag and no_tags:
+        raise OptionError("--tag and --no-tags say the opposite; give one of them")
+    wanted = [] if no_tags else tag
+    mesh = change_mesh(
+        url, name=name, tags=wanted, licence=licence, timeout=timeout, token=find_token(token_file), ca_file=ca_file
+    )
+    if as_json:
+        typer.echo(json_text(asdict(mesh)))
+    else:
+        line = f"{mesh.id}: {mesh.name}; tags: {', '.join(mesh.tags) or 'none'}; terms: {mesh.licence or 'none'}"
+        typer.echo(printable(line, LONGEST_EXPLANATION))
+
+
+def delete(
+    urls: Annotated[list[str], typer.Argument(help="The meshes: http://host:port/meshes/ID.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Take published meshes away from a server, for good. Takes a write token.
+
+    Example: MESHTIDE_TOKEN=... meshtide delete http://localhost:8000/meshes/vase --yes
+    """
+    from meshtide_client.connection.credentials import find_token
+    from meshtide_client.remote.edit import delete_mesh
+
+    if not yes:
+        typer.confirm(f"delete {', '.join(shown(shown_address(url)) for url in urls)}?", abort=True, err=True)
+    for url in urls:
+        delete_mesh(url, timeout=timeout, token=find_token(token_file), ca_file=ca_file)
+        if not as_json:
+            typer.echo(f"{shown(shown_address(url))} is deleted")
+    if as_json:
+        typer.echo(json_text({"deleted": [shown_address(url) for url in urls]}))
+
+
+def tags(
+    url: Annotated[str, typer.Argument(help="Address of the server: http://host:port.")],
+    limit: Annotated[int, typer.Option(min=1, max=1000, help="How many at most.")] = 1000,
+    timeout: TimeoutOption = 30.0,
+    token_file: TokenFileOption = None,
+    ca_file: CaFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the tags of a server's published meshes, those of most meshes first.
+
+    Example: meshtide tags http://localhost:8000
+    """
+    from meshtide_client.connection.credentials import find_token
+    from meshtide_client.remote.edit import list_tags
+
+    found = list_tags(url, limit=limit, timeout=timeout, token=find_token(token_file), ca_file=ca_file)
+    if as_json:
+        typer.echo(json_text({"tags": found}))
+        return
+    for tag, count in found.items():
+        typer.echo(f"{count}\t{printable(tag)}")

@@ -1,1 +1,0 @@
-"""Pictures of meshes without a screen: rasterizer, colour scales, lettering, PNG files."""

@@ -1,1 +1,0 @@
-"""`meshtide simulate`: sweeps of streams over lossy links, many seeds each, and what is left of the meshes."""

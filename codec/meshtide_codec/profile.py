@@ -1,0 +1,77 @@
+"""What a profile is to the rest of the codec: options that can encode, and what its decoder is told in the header.
+
+A further profile is a class of each of the three kinds below, a row in `stream.header.HEADERS`, and a decoder in the
+core.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from dataclasses import Field
+
+    from meshtide_codec import core
+    from meshtide_codec.compact.effort import Effort
+    from meshtide_codec.quantize import QuantizedMesh
+    from meshtide_codec.shown_state import ShownState
+    from meshtide_codec.stream.packets import Packet
+
+
+class Profile(Protocol):
+    """A way to code the levels of a mesh, with what a person has chosen of it: a frozen dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def bits(self) -> int:
+        """B, quantization bits per coordinate."""
+
+    def encode(self, quantized: QuantizedMesh, progress: Callable[[str, float], None] | None, threads: int) -> Encoding:
+        """The packets of a mesh.
+
+        Args:
+            quantized: the mesh.
+            progress: is told a stage and the fraction done.
+            threads: how many may work at once.
+        """
+
+
+class Encoding(Protocol):
+    """A mesh encoded in a profile."""
+
+    @property
+    def header(self) -> ProfileHeader:
+        """What the decoder has to know."""
+
+    @property
+    def packets(self) -> list[Packet]:
+        """In transmission order."""
+
+    @property
+    def states(self) -> Sequence[ShownState]:
+        """What can be shown after how many packets, in transmission order."""
+
+
+class ProfileHeader(Protocol):
+    """What the decoder of a profile is told in the stream's header."""
+
+    profile: ClassVar[str]
+    """The name of the profile,"""
+    number: ClassVar[int]
+    """and what stands for it in a header."""
+
+    @property
+    def effort(self) -> Effort | None:
+        """The effort at which the stream was encoded; None: its profile knows none."""
+
+    @property
+    def trained_states(self) -> tuple[int, ...]:
+        """The trained states that its decoder starts from, as `core.states` numbers them."""
+
+    def plain(self) -> dict[str, Any]:
+        """The fields as JSON can hold them; what of them the packet table tells is left out."""
+
+    def tell(self, header: core.Header) -> object:
+        """Fill in the fields of the core's header; returns what must live until it is written."""
