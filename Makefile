@@ -32,6 +32,7 @@ lint: $(VENV)/test.done ## Linter, formatter and type checker.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy tests/bench tools
 
 test: lint ## Linters, types and all tests.
 	$(BIN)/pytest -n auto --dist loadfile

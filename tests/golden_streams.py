@@ -91,7 +91,7 @@ class Variant:
     @property
     def machines_agree(self) -> bool:
         """Whether all machines encode it to the same bytes: previews are fitted with sums whose order numpy chooses."""
-        return isinstance(self.options, ClassicOptions) or not self.options.previews
+        return not (isinstance(self.options, CompactOptions) and self.options.previews)
 
 
 def _classic(make: Callable[[], Mesh], spec: FilterSpec, **options: object) -> Variant:

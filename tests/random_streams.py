@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec.classic.level_coding import LevelEncoder, encode_param
-from meshtide_codec.classic.options import KINDS, ClassicHeader
+from meshtide_codec.classic.options import ClassicHeader
 from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.octree_encoder import OctreeEncoder
@@ -23,7 +23,7 @@ from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.compact.previews import Preview, make_previews
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.errors import StreamError
-from meshtide_codec.filters import FilterSpec, coefficient_count
+from meshtide_codec.filters import KINDS, FilterSpec, coefficient_count
 from meshtide_codec.mesh import canonical_faces
 from meshtide_codec.reference import reference_levels
 from meshtide_codec.reference.header import read_header

@@ -224,7 +224,7 @@ def _ending(arguments: list[str]) -> tuple[ExitCode, str]:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             run(deferred(build()))
     except SystemExit as ending:
-        return ExitCode(ending.code or 0), printed.getvalue()
+        return ExitCode(int(ending.code or 0)), printed.getvalue()
     finally:
         sys.argv = before
 

@@ -258,8 +258,8 @@ def main() -> int:
     parser.add_argument("--child", nargs=4, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.child:
-        *numbers, told = given.child
-        child(*map(int, numbers), Path(told))
+        seed, number, step, told = given.child
+        child(int(seed), int(number), int(step), Path(told))
     if given.one is not None:
         signal.setitimer(signal.ITIMER_VIRTUAL, 5 * LONGEST_SECONDS)
         print(attempt(random.Random(f"{given.seed}/{given.one}")))

@@ -129,7 +129,8 @@ def _watch(wanted: int, seconds: float, seed: int) -> dict[str, Any]:
         return late or found.done >= wanted or len(found.problems) >= MOST_PROBLEMS
 
     while not enough():
-        command = [sys.executable, Path(sys.argv[0]).resolve(), "--seed", str(seed), "--child-from", str(found.number)]
+        program = str(Path(sys.argv[0]).resolve())
+        command = [sys.executable, program, "--seed", str(seed), "--child-from", str(found.number)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, bufsize=0) as child:
             _follow(child, found, enough)
             child.kill()

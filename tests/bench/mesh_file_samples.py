@@ -12,6 +12,7 @@ import trimesh
 from large_meshes import wavy_torus
 from mesh_file_samples_gltf import chain, grid, textured
 
+from gltf_files import GltfFile
 from meshtide_codec.attributes import Attribute, Domain, Kind
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.ply import write_ply
@@ -52,7 +53,7 @@ def _off(vertices: int) -> Iterator[Sample]:
     quads = quads - 1
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     for name, faces in (("triangles", triangles), ("quads", quads)):
-        yield f"{name}.off", partial(_write, make=lambda faces=faces: _off_text(points, faces))
+        yield f"{name}.off", partial(_write, make=partial(_off_text, points, faces))
 
 
 def _stl(vertices: int) -> Iterator[Sample]:
@@ -72,11 +73,15 @@ def _gltf(vertices: int) -> Iterator[Sample]:
         "chain-of-1000-nodes": lambda: chain(1000),
     }
     for name, make in files.items():
-        yield f"{name}.glb", partial(_write, make=lambda make=make: make().glb())
+        yield f"{name}.glb", partial(_write_glb, make=make)
 
 
 def _write(path: Path, make: Callable[[], bytes]) -> None:
     path.write_bytes(make())
+
+
+def _write_glb(path: Path, make: Callable[[], GltfFile]) -> None:
+    path.write_bytes(make().glb())
 
 
 def torus(vertices: int) -> tuple[np.ndarray, np.ndarray]:

@@ -58,7 +58,7 @@ def grid(side: int, *, packed: bool) -> GltfFile:
     corners = grid_faces(side).reshape(-1)
     if packed:
         stream = encoded_indices(corners.tolist(), [0] * len(corners))
-        row = {"buffer": 0, "byteOffset": len(file.binary), "byteLength": len(stream)}
+        row: dict[str, int | str] = {"buffer": 0, "byteOffset": len(file.binary), "byteLength": len(stream)}
         row |= {"byteStride": 4, "count": len(corners), "mode": "INDICES"}
         file.binary += stream + bytes(-len(stream) % 4)
         extensions = {"EXT_meshopt_compression": row}

@@ -73,7 +73,8 @@ def leaf_shifts(positions: np.ndarray) -> np.ndarray:
     """(n,) int: bits per coordinate that the cell of each vertex leaves open; no other vertex is in it."""
     differing = np.bitwise_or.reduce(positions[1:] ^ positions[:-1], axis=1)
     parted = np.frexp(differing)[1] - 1  # the highest bit in which neighbours in Morton order differ
-    return np.minimum(np.append(parted, 99), np.insert(parted, 0, 99))
+    shifts: np.ndarray = np.minimum(np.append(parted, 99), np.insert(parted, 0, 99))
+    return shifts
 
 
 def farthest(encoded: EncodedMesh, decoder: Decoder) -> float:

@@ -32,7 +32,7 @@ def native_seconds(data: bytes) -> float:
 def by_node(file: Path, runs: int) -> tuple[float, float]:
     """The least processor time, and the first run's time by the clock."""
     program = Path(__file__).with_suffix(".mjs")
-    command = ["node", program, REPOSITORY, file, str(runs)]
+    command = ["node", str(program), str(REPOSITORY), str(file), str(runs)]
     told = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     return told["least"], told["first"]
 

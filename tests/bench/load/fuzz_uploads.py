@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import struct
 import sys
 import tempfile
 import zlib
@@ -17,9 +16,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from damage import damaged, other_bytes
 
 from meshes import grid, shapes, soup
+from meshtide_codec.classic.options import ClassicOptions
+from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
-from meshtide_codec.errors import StreamError
+from meshtide_codec.errors import MeshtideError, StreamError
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.stream.container import read_container, write_container
 
@@ -66,7 +67,9 @@ class Uploads:
 
     def __init__(self, pick: random.Random) -> None:
         self._pick = pick
-        self._files = [*_mesh_files(), *_streams()]
+        streams = _streams()
+        self._files = [*_mesh_files(), *((".tide", stream) for stream in streams)]
+        self._options = [read_container(stream)[0].options for stream in streams]
 
     def next(self) -> Upload:
         """One more."""
@@ -109,9 +112,9 @@ class Uploads:
             case 2:
                 header = replace(header, origin=(1.7e308, -1.7e308, 0.0), extent=pick.choice((0.0, 1e-320, 1.7e308)))
             case 3:
-                header = replace(header, profile=pick.choice(("classic", "compact", "other")))
+                header = replace(header, options=pick.choice(self._options))
             case 4:
-                header = replace(header, options={})
+                header = replace(header, bits=pick.randrange(4, 21))
             case _:
                 payload = pick.choice(payloads)
                 for _ in range(pick.choice((1, 3, 50)) if payload else 0):
@@ -122,7 +125,7 @@ class Uploads:
         header = replace(header, levels=tuple(levels), packets=tuple(table))
         try:
             return write_container(header, [bytes(payload) for payload in payloads])
-        except (StreamError, ValueError, OverflowError, struct.error):
+        except (MeshtideError, ValueError, OverflowError):
             return other_bytes(pick, body)
 
 
@@ -145,5 +148,7 @@ def _mesh_files() -> list[tuple[str, bytes]]:
     return found
 
 
-def _streams() -> list[tuple[str, bytes]]:
-    return [(".tide", encode(mesh, CompactOptions(bits=8)).to_bytes()) for mesh in (grid(6), grid(12))]
+def _streams() -> list[bytes]:
+    """Files of both profiles and both efforts."""
+    profiles = (CompactOptions(bits=8), CompactOptions(bits=8, effort=Effort.HIGH), ClassicOptions(bits=8))
+    return [encode(mesh, profile).to_bytes() for mesh in (grid(6), grid(12)) for profile in profiles]

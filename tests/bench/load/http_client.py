@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ async def load(host: str, port: int, paths: dict[str, int], connections: int, se
     started = time.perf_counter()
     made = await asyncio.gather(
         *(
-            loop.create_connection(lambda turn=turn: _Connection(requests, turn, started + seconds), host, port)
+            loop.create_connection(partial(_Connection, requests, turn, started + seconds), host, port)
             for turn in range(connections)
         )
     )
