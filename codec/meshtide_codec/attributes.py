@@ -59,8 +59,8 @@ class Attribute:
             element i.
         normalized: integers that stand for 0..1, or -1..1 where they are signed.
         bits: to how many bits per component the values may be rounded; None leaves that to the encoder.
-        extra: what else a file tells of it, such as the names of labels (``names``), or of texture coordinates the
-            corner of the picture that they count from (``origin``): `LOWER_LEFT`, if nothing is told, or `UPPER_LEFT`.
+        extra: what else a file says of it, such as the names of labels (``names``), or of texture coordinates the
+            corner of the picture that they count from (``origin``): `LOWER_LEFT`, the default, or `UPPER_LEFT`.
 
     >>> uv = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     >>> Attribute("TEXCOORD_0", Kind.TEXCOORD, Domain.CORNER, uv, np.array([[0, 1, 2]])).per_element().shape

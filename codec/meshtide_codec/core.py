@@ -291,7 +291,7 @@ class StreamMesh(ctypes.Structure):
         return mesh
 
 
-def _array(dtype: DTypeLike) -> Any:  # noqa: ANN401 - numpy's own type for it is not told
+def _array(dtype: DTypeLike) -> Any:  # noqa: ANN401 - numpy's own type for it is not public
     return np.ctypeslib.ndpointer(dtype, flags="C_CONTIGUOUS")
 
 

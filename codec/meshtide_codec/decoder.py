@@ -173,7 +173,7 @@ class Decoder:
 
     @property
     def map_bytes(self) -> int:
-        """Bytes of the Base and Map&Conn packets so far that tell of vertices, to a few; faces take the others."""
+        """Bytes of the Base and Map&Conn packets so far that code vertices, within a few; faces take the others."""
         return int(core.library().mt_decoder_map_bytes(self._core))
 
     def is_available(self, level: int) -> bool:

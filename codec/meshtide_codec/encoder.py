@@ -72,7 +72,7 @@ def encode(
         mesh: any triangle mesh, also one without faces: a set of points.
         options: `CompactOptions` or `ClassicOptions`; the compact profile's defaults when left out.
         grid: the grid to round to, where it is not to follow from the mesh alone; its step decides about B.
-        store_order: whether the stream also tells how the input's vertices and faces stood, see `order`.
+        store_order: whether the stream also holds the order of the input's vertices and faces, see `order`.
         threads: how many work at once, at least 1; one fewer than there are processors when left out. The bytes do
             not depend on it.
         progress: is called with the name of a stage and the fraction of it that is done.

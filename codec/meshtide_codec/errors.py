@@ -27,7 +27,7 @@ from __future__ import annotations
 from meshtide_codec.printable import printable
 
 _LONGEST_MESSAGE = 4000
-"""Characters of what is told of a peer; its own words are a thousand at most."""
+"""Characters of a message about a peer; the peer's own words are a thousand at most."""
 
 
 class MeshtideError(Exception):

@@ -25,6 +25,6 @@ def extra(module: str, group: str = "bench") -> Any:  # noqa: ANN401 - a module 
 
 
 def check_extras(*modules: str, group: str = "bench") -> None:
-    """Raise MeshtideError unless all of these can be loaded: to be told before an hour's work, not after it."""
+    """Raise MeshtideError unless all of these can be loaded: one wants to know before an hour's work, not after it."""
     for module in modules:
         extra(module, group)

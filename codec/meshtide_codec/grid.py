@@ -68,7 +68,7 @@ class Grid:
         """The grid for `mesh`: of `bits` bits, or of as many as the step asks for.
 
         Raises:
-            OptionError: the step asks for fewer than 4 or more than 20 bits; it tells which step would do.
+            OptionError: the step asks for fewer than 4 or more than 20 bits; the message names a step that would do.
         """
         origin = None if self.origin is None else np.array(self.origin, np.float64)
         if self.step is None:

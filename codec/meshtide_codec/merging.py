@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from meshtide_codec.quantize import QuantizedMesh
 
 NOTICED = 1e-3
-"""Share of the faces or of the area whose loss is told."""
+"""A loss of a smaller share of the faces or of the area is not reported."""
 
 
 @dataclass(frozen=True, slots=True)

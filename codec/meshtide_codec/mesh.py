@@ -141,7 +141,7 @@ class Mesh:
     def polygons_as_lists(self) -> list[list[int]]:
         """The faces as polygons: of each its vertices in order, without the edges that `polygons` marks.
 
-        A polygon begins at the first corner of its first triangle that is no inner edge's start. Cost: O(m log m).
+        A polygon begins at the first corner of its first triangle that is not an inner edge's start. Cost: O(m log m).
 
         Raises:
             MeshError: all edges around a vertex are marked.

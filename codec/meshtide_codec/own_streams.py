@@ -39,7 +39,7 @@ _SAME = 1e-6
 
 
 def default_stream(mesh: Path) -> Path:
-    """Where the stream of a mesh file goes unless it is told: beside it.
+    """Where the stream of a mesh file goes by default: beside it.
 
     Raises:
         OSError: the path has no name.
@@ -54,7 +54,7 @@ def default_stream(mesh: Path) -> Path:
 
 
 def default_mesh(stream: Path, kind: str) -> Path:
-    """Where the mesh of a stream goes unless it is told: beside it, never in place of the mesh that was encoded.
+    """Where the mesh of a stream goes by default: beside it, never in place of the mesh that was encoded.
 
     Raises:
         OSError: the path has no name.
@@ -146,7 +146,7 @@ def _versions(mesh: Mesh) -> list[Mesh]:
 
 
 def _quantized(mesh: Mesh, header: StreamHeader) -> Mesh | None:
-    """The mesh on the grid of a stream, as a decoder would restore it; None where the header tells that it is none."""
+    """The mesh on the grid of a stream, as a decoder would restore it; None where the header shows that it is none."""
     if header.vertices > len(mesh.vertices) or header.faces > len(mesh.faces):
         return None
     try:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LONGEST_TEXT = 1000
-"""Characters that `printable` shows unless told otherwise: a path of a few folders, or a message, in full."""
+"""Characters that `printable` shows by default: a path of a few folders, or a message, in full."""
 
 LONGEST_NAME = 200
 """Characters of a file's name that servers take."""

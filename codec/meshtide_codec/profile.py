@@ -1,4 +1,4 @@
-"""What a profile is to the rest of the codec: options that can encode, and what its decoder is told in the header.
+"""What the rest of the codec knows of a profile: options that can encode, and the fields of its own in the header.
 
 A further profile is a class of each of the three kinds below, a row in `stream.header.HEADERS`, and a decoder in the
 core.
@@ -33,7 +33,7 @@ class Profile(Protocol):
 
         Args:
             quantized: the mesh.
-            progress: is told a stage and the fraction done.
+            progress: called with a stage and the fraction done.
             threads: how many may work at once.
         """
 
@@ -55,7 +55,7 @@ class Encoding(Protocol):
 
 
 class ProfileHeader(Protocol):
-    """What the decoder of a profile is told in the stream's header."""
+    """The fields of a profile in the stream's header: what its decoder needs to know."""
 
     profile: ClassVar[str]
     """The name of the profile,"""
@@ -71,7 +71,7 @@ class ProfileHeader(Protocol):
         """The trained states that its decoder starts from, as `core.states` numbers them."""
 
     def plain(self) -> dict[str, Any]:
-        """The fields as JSON can hold them; what of them the packet table tells is left out."""
+        """The fields as JSON can hold them, without those that follow from the packet table."""
 
-    def tell(self, header: core.Header) -> object:
-        """Fill in the fields of the core's header; returns what must live until it is written."""
+    def fill(self, header: core.Header) -> object:
+        """Copy the fields into the core's header; returns what must stay alive until it is written."""

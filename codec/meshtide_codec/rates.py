@@ -31,7 +31,7 @@ def bytes_by_level(header: StreamHeader) -> dict[int, dict[str, int]]:
 
 
 def stream_report(header: StreamHeader, header_length: int) -> dict[str, Any]:
-    """All that a header tells, as plain values that can become JSON.
+    """All that a header holds, as plain values that can become JSON.
 
     Args:
         header: of the stream.

@@ -37,7 +37,7 @@ class Node:
         instances: (k, 4, 4) float64, where the node's geometry stands k times in the node's coordinates, or None for
             once (EXT_mesh_gpu_instancing).
         name: as the file has it.
-        properties: what else the file tells of it, such as a camera, extras, extensions.
+        properties: what else the file says of it, such as a camera, extras, extensions.
     """
 
     geometry: int | None = None
@@ -68,8 +68,8 @@ class Image:
     Args:
         name: of the file, or what a glTF file calls it.
         data: its bytes; empty where the file that is named was not there.
-        mime_type: such as image/png; empty where nothing tells.
-        properties: what else a glTF file tells of it.
+        mime_type: such as image/png; empty where the file does not say.
+        properties: what else a glTF file says of it.
     """
 
     name: str

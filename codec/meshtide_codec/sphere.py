@@ -1,7 +1,7 @@
 """The sphere of the paper (section 5, tables 15 to 17): rates by filter, beside the published figures.
 
 The mesh is an icosahedron subdivided five times (10242 vertices, 20480 faces), B = 10, K = 1, four levels. It is the
-only mesh of the paper that can be made again exactly; the paper's normalization of it to the unit cube is not told.
+only mesh of the paper that can be made again exactly; the paper does not say how it normalizes it to the unit cube.
 """
 
 from __future__ import annotations

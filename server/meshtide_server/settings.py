@@ -103,7 +103,7 @@ class Settings(BaseSettings):
     database: SecretStr | None = Field(
         default=None,
         description="The catalogue of published meshes: sqlite:///file.db, or postgresql://user:password@host/name "
-        "(extra postgres). It may hold a password, so it is no option of the command.",
+        "(extra postgres). It may hold a password, so it is not an option of the command.",
     )
     database_file: Path | None = Field(
         default=None,
@@ -118,7 +118,7 @@ class Settings(BaseSettings):
         default=256,
         ge=16,
         le=1 << 20,
-        description="MiB of memory for parts of streams from a store that is no folder; what is used least recently "
+        description="MiB of memory for parts of streams from a store that is not a folder; what is used least recently "
         "gives way.",
     )
     bits: Annotated[int, Option(short="-B")] = Field(
@@ -149,7 +149,7 @@ class Settings(BaseSettings):
     ] = Field(
         default=(),
         description="Web origins whose pages may read the meshes, such as https://museum.example; * for all. "
-        "Pages of the server's own origin and programs that are no browsers always may.",
+        "Pages of the server's own origin and programs that are not browsers always may.",
     )
 
     allowed_methods: Annotated[
@@ -282,7 +282,7 @@ class Settings(BaseSettings):
     def _check_names(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         for name in value:
             if not _NAME.fullmatch(name):
-                raise ValueError(f"{name!r} is no name of a method or header")
+                raise ValueError(f"{name!r} is not a name of a method or header")
         return value
 
     @field_validator("unlimited_clients", "trusted_proxies")
@@ -396,7 +396,7 @@ def _first_line(path: Path) -> str:
         with path.open(encoding="utf-8") as file:
             line = file.readline(LONGEST_ADDRESS).strip()
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
         raise OptionError(f"the address of the database in {path} cannot be read: {reason}") from error
     if not line:
         raise OptionError(f"{path} should hold the address of the database, postgresql://...; its first line is empty")

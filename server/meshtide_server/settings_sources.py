@@ -83,7 +83,7 @@ def _read(file: Path) -> dict[str, Any]:
     except OSError as error:
         raise OptionError(f"the settings in {file} cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
-        raise OptionError(f"{file} is no text") from error
+        raise OptionError(f"{file} is not text") from error
     except tomllib.TOMLDecodeError as error:
         raise OptionError(f"{file} is not TOML: {error}") from error
     for name in values:

@@ -40,7 +40,7 @@ def damaged(pick: random.Random, suffix: str, body: bytes) -> bytes:
 
     Args:
         pick: where all chance comes from.
-        suffix: which tells the format.
+        suffix: which names the format.
         body: of the file.
     """
     for _ in range(pick.randrange(1, 4)):

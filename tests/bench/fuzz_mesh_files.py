@@ -60,7 +60,7 @@ def attempt(pick: random.Random) -> str:
         source = open_source(path, LIMITS, alone=pick.random() < 0.5)
         loaded = mesh_of(read_source(source, LIMITS), path.name).mesh
     if not np.isfinite(loaded.vertices).all() or (len(loaded.faces) and loaded.faces.max() >= len(loaded.vertices)):
-        raise AssertionError("what was read is no mesh")
+        raise AssertionError("what was read is not a mesh")
     return "read"
 
 

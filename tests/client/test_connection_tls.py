@@ -147,7 +147,8 @@ async def test_redirects_to_addresses_without_tls_are_not_followed(authority: Au
         with scripted_server(lambda *_: reply, authority.server) as url:
             for transport in ("websocket", "http", "download"):
                 with pytest.raises(
-                    ProtocolError, match="is redirected to an address without TLS|is redirected to what is no address"
+                    ProtocolError,
+                    match="is redirected to an address without TLS|is redirected to what is not an address",
                 ):
                     await levels(f"{url}/meshes/vase", authority.file, transport)
             with pytest.raises(ProtocolError, match="redirects to an address without TLS"):

@@ -165,7 +165,7 @@ async def test_what_is_no_regular_file_takes_ply_or_the_format_that_is_named(
     assert written[1].count(b"\nf ") == source.header.faces
     assert (tmp_path / "nameless").read_bytes().startswith(b"OFF")
     assert names(tmp_path) == ["nameless", "pipe"]
-    with pytest.raises(OptionError, match="is no regular file"):
+    with pytest.raises(OptionError, match="is not a regular file"):
         fetch(NOWHERE, stream_file="/dev/null")
     with pytest.raises(MeshFileError, match="docx is none of the formats"):
         fetch(NOWHERE, tmp_path / "a.ply", kind="docx")

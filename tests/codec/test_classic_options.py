@@ -70,13 +70,13 @@ specs = st.one_of(
 def test_the_header_of_the_core_tells_all_of_it(spec: FilterSpec, shifts: set[int], diffs: set[int]) -> None:
     header = ClassicHeader((0, *sorted(shifts)), spec, frozenset(level for level in diffs if level < len(shifts)))
     told = core.Header()
-    header.tell(told)
+    header.fill(told)
     assert ClassicHeader.of(told) == header
 
 
 def test_a_filter_that_cannot_be_is_a_damaged_header() -> None:
     told = core.Header()
-    ClassicHeader((0,), FilterSpec("taubin"), frozenset()).tell(told)
+    ClassicHeader((0,), FilterSpec("taubin"), frozenset()).fill(told)
     told.taubin_mu = math.nan
     with pytest.raises(ContainerError, match="taubin_mu"):
         ClassicHeader.of(told)

@@ -35,7 +35,7 @@ TEXTS = {
         "endsolid é\n"
     ),
 }
-"""The same triangle in each format of text; the last line of each is no name but in STL."""
+"""The same triangle in each format of text; the last line of each is not a name but in STL."""
 HARMLESS = {
     ".obj": (1, 3),
     ".off": (5, 7),

@@ -70,7 +70,7 @@ def test_a_name_that_was_not_encoded_is_found_as_it_stands(tmp_path: Path) -> No
         ("C:\\secret.bin", "only files beside a.gltf are read"),
         ("link.bin", "outside of its folder"),
         ("missing.bin", r"buffers\[0\] is not there: the file 'missing.bin'"),
-        ("sub", "no regular file"),
+        ("sub", "not a regular file"),
         ("x" * 5000, "cannot be read"),
         ("a%00b", "no file can be called"),
         ("\ud800", "cannot be read: no file can be called so"),

@@ -162,8 +162,8 @@ def test_columns_without_weights_between_others_are_passed_over() -> None:
 @pytest.mark.parametrize(
     ("skin", "message"),
     [
-        ({"joints": []}, r"skins\[0\] has joints that are no nodes"),
-        ({"joints": [9]}, "joints that are no nodes"),
+        ({"joints": []}, r"skins\[0\] has joints that are not nodes"),
+        ({"joints": [9]}, "joints that are not nodes"),
         ({"joints": "1"}, r"joints of skins\[0\] is not a list"),
         ({"joints": [1, 1], "inverseBindMatrices": 0}, r"accessors\[0\] has no matrix for each of the 2 joints"),
         ({"joints": [1, 1], "inverseBindMatrices": 5}, r"accessors\[5\] has no matrix for each of the 2 joints"),

@@ -20,9 +20,9 @@ from meshtide_codec.mesh_files.gltf.document import LARGEST_LIST, integer, numbe
         ({"version": "1.0"}, r"of glTF 1\.0; version 2\.0 is read"),
         ({"version": "3.0"}, r"of glTF 3\.0"),
         ({"version": "2.0", "minVersion": "2.1"}, r"of glTF 2\.1"),
-        ({"version": 2}, "asset.version is no version: 2"),
-        ({"version": "two"}, "asset.version is no version: two"),
-        ({"version": "²"}, "asset.version is no version"),
+        ({"version": 2}, "asset.version is not a version: 2"),
+        ({"version": "two"}, "asset.version is not a version: two"),
+        ({"version": "²"}, "asset.version is not a version"),
         ([], "asset of the file is not an object: a list"),
     ],
 )

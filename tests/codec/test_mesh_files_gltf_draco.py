@@ -109,7 +109,7 @@ def test_claims_are_held_against_the_limits_before_decoding(monkeypatch: pytest.
     [
         (b"DRACO", "cut short within its header"),
         (b"DRACK" + bytes(50), "does not begin with DRACO"),
-        (b"DRACO\2\2\0\0" + bytes(50), "is no mesh"),
+        (b"DRACO\2\2\0\0" + bytes(50), "is not a mesh"),
         (b"DRACO\7\2\1\0" + bytes(50), "unknown version 7.2"),
         (b"DRACO\2\2\1\0\0\0" + b"\xff" * 50, "a number that does not end"),
         (b"DRACO\2\2\1\0\0\x80" + b"\0" + b"\0\1\1a" * 100, "nested more than 16 times"),

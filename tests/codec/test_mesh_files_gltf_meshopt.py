@@ -103,7 +103,7 @@ def test_damaged_streams_name_their_extension(name: str, damage: bytes) -> None:
         ({"filter": "OCTAHEDRAL"}, "ATTRIBUTES with filter OCTAHEDRAL have no stride of 12"),
         ({"filter": "QUATERNION", "byteStride": 4}, "have no stride of 4"),
         ({"mode": "INDICES"}, "INDICES with filter NONE have no stride of 12"),
-        ({"mode": "TRIANGLES", "byteStride": 4, "count": 7}, "7 indices are no whole triangles"),
+        ({"mode": "TRIANGLES", "byteStride": 4, "count": 7}, "7 indices are not whole triangles"),
         ({"mode": "INDICES", "byteStride": 4, "filter": "COLOR"}, "INDICES with filter COLOR"),
         ({"count": 4}, "holds 4 elements of 12 bytes, but the view has 60"),
         ({"count": 1 << 40}, "but the view has 60"),

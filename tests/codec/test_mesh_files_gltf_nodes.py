@@ -108,7 +108,7 @@ def doubling(depth: int) -> list[dict[str, Any]]:
         ([{"mesh": 0, "matrix": [1] * 15}], r"matrix of nodes\[0\] is not a list of 16 numbers"),
         ([{"mesh": 0, "matrix": [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}], "last row is not 0 0 0 1"),
         ([{"mesh": 0, "scale": [1, 1]}], r"scale of nodes\[0\] is not a list of 3 numbers"),
-        ([{"mesh": 0, "rotation": [0, 0, 0, "1"]}], "holds what is no finite number"),
+        ([{"mesh": 0, "rotation": [0, 0, 0, "1"]}], "holds what is not a finite number"),
         ([{"scale": [1e200] * 3, "children": [1]}, {"scale": [1e200] * 3, "mesh": 0}], "matrix overflows"),
     ],
 )

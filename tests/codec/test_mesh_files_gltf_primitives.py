@@ -73,9 +73,9 @@ def test_triangles_of_one_line_stay_as_the_file_has_them() -> None:
         ([0, 1, 65535], "<u2", "index 65535, .* would restart a strip"),
         ([0, 1, 2**32 - 1], "<u4", "index 4294967295, .* would restart"),
         ([0, 1, 255], "<u1", "index 255, .* would restart"),
-        ([0, 1, 2], "<i2", r"accessors\[1\], the indices .*, are no unsigned integers"),
-        ([0, 1, 2], "<f4", "are no unsigned integers"),
-        ([[0, 1, 2]], "<u2", "are no unsigned integers"),
+        ([0, 1, 2], "<i2", r"accessors\[1\], the indices .*, are not unsigned integers"),
+        ([0, 1, 2], "<f4", "are not unsigned integers"),
+        ([[0, 1, 2]], "<u2", "are not unsigned integers"),
     ],
 )
 def test_indices_out_of_range_name_their_accessor(indices: Any, dtype: str, message: str) -> None:

@@ -99,7 +99,7 @@ def test_rounding_is_told_once_with_its_largest_error() -> None:
 def test_positions_beyond_all_numbers_are_refused(value: float) -> None:
     vertices = SQUARE.copy()
     vertices[2, 1] = value
-    with pytest.raises(MeshFileError, match="vertex 2 of x is no number of 32 bits"):
+    with pytest.raises(MeshFileError, match="vertex 2 of x is not a number of 32 bits"):
         parts(Mesh(vertices, HALVES), "x", Losses())
 
 

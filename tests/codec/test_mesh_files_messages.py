@@ -34,10 +34,10 @@ JSON_TEXTS = {
     "nested objects": (b'{"a":' * 200_000, "the JSON is nested too deeply"),
     "nothing": (b"", "line 1, column 1 is not as JSON asks"),
     "a word": (b'{\n"asset": x}', "line 2, column 10 is not as JSON asks"),
-    "no text": (b'{"a": "\xff"}', "byte 7 is no text"),
+    "no text": (b'{"a": "\xff"}', "byte 7 is not text"),
     "a very long number": (b'{"a": ' + b"9" * 5000 + b"}", "a number in it is too long"),
     "a list": (b"[1]", "not an object"),
-    "an object for a version": (b'{"asset": {"version": {}}}', "no version: an object"),
+    "an object for a version": (b'{"asset": {"version": {}}}', "not a version: an object"),
     "nothing for meshes": (ASSET.encode() + b',"meshes":null}', "not a list of objects"),
     "a huge count": (
         f'{ASSET},"accessors":[{{"count":1e308,"componentType":5126,"type":"VEC3"}}],"meshes":[{{"primitives":'

@@ -40,11 +40,11 @@ def test_names_of_files_and_materials_come_once() -> None:
 
 def test_what_is_left_out_is_counted() -> None:
     source = Source("a", ".obj", b"")
-    taken((b"l 1 2", 0), (b"l 2 3", 0), (b"p 1", 0), (b"vp 0", 0), (b"\xff" * 99, 0), (b"mtllib", 0)).tell(source)
+    taken((b"l 1 2", 0), (b"l 2 3", 0), (b"p 1", 0), (b"vp 0", 0), (b"\xff" * 99, 0), (b"mtllib", 0)).report(source)
     told = "2 lines, 1 points, 1 statements of curves and surfaces, 2 statements of other kinds"
     assert source.notes == [f"not read: {told} (the first is {chr(0xFFFD) * 40!r})"]
     quiet = Source("a", ".obj", b"")
-    Statements().tell(quiet)
+    Statements().report(quiet)
     assert quiet.notes == []
 
 

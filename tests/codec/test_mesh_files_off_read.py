@@ -100,7 +100,7 @@ def test_announced_colours_in_a_stream_of_words() -> None:
         (b"0 0 0 300 0 0", "colours of vertices are outside of 0 to 255"),
         (b"0 0 0 -1 0 0", "colours of vertices are outside"),
         (b"0 0 0 nan 0 0", "colours of vertices are outside"),
-        (b"0 0 0 1 2", "each vertex has 2 values that are no colour"),
+        (b"0 0 0 1 2", "each vertex has 2 values that are not a colour"),
     ],
 )
 def test_what_stands_behind_a_vertex_and_is_no_colour_is_told(row: bytes, note: str) -> None:
@@ -113,7 +113,7 @@ def test_what_stands_behind_a_vertex_and_is_no_colour_is_told(row: bytes, note: 
 def test_colours_on_some_lines_of_vertices_are_left_out_and_told() -> None:
     mesh, notes = read(b"OFF 3 1 0\n0 0 0\n1 0 0 255 0 0\n0 1 0\n3 0 1 2\n")
     assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
-    assert notes == ["lines of vertices have more than the 3 words that the keyword tells: the rest is left out"]
+    assert notes == ["lines of vertices have more than the 3 words that the keyword announces: the rest is left out"]
 
 
 def test_colours_of_faces_end_with_their_lines() -> None:
@@ -151,7 +151,7 @@ def test_floats_for_colours_of_faces() -> None:
         (b"OFF 4 2 0\n" + ROWS[:-1], "its last line has no end"),
         (b"OFF 4 4 0\n" + ROWS + b"2 0 1\n3 0 1 1\n", "faces of fewer than three different corners, left out: "),
         (b"OFF 4 3 0\n" + ROWS + b"4 0 1 0 1\n", "faces of fewer than three different corners, left out: "),
-        (b"OFF 4 2 0\n" + ROWS.replace(b"0 1 2\n", b"0 1 2 .5\n"), "rows of a colour map are no whole numbers"),
+        (b"OFF 4 2 0\n" + ROWS.replace(b"0 1 2\n", b"0 1 2 .5\n"), "rows of a colour map are not whole numbers"),
         (b"OFF 4 2 0\n" + ROWS.replace(b"0 1 2\n", b"0 1 2 5 6 999\n"), "colours of faces are outside of 0 to 255"),
     ],
 )
@@ -167,10 +167,10 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "a word that begins with it": (b"OFFER 3 1 0\n", "does not begin with OFF"),
     "a keyword twice": (b"CCOFF\n3 1 0\n", "keyword CCOFF is not understood"),
     "half a keyword": (b"SOFF\n3 1 0\n", "keyword SOFF is not understood"),
-    "no counts": (b"OFF\n", "does not tell its numbers"),
-    "a count below zero": (b"OFF -3 1 0\n", "does not tell its numbers"),
-    "counts that are words": (b"OFF\nmany faces\n", "does not tell its numbers"),
-    "a count of no file": (b"OFF " + b"9" * 300 + b" 1 0\n", "does not tell its numbers"),
+    "no counts": (b"OFF\n", "does not say how many"),
+    "a count below zero": (b"OFF -3 1 0\n", "does not say how many"),
+    "counts that are words": (b"OFF\nmany faces\n", "does not say how many"),
+    "a count of no file": (b"OFF " + b"9" * 300 + b" 1 0\n", "does not say how many"),
     "other dimensions": (b"nOFF\n5\n3 1 0\n", "5 dimensions .nOFF."),
     "no dimension": (b"nOFF\nx\n", "no number follows"),
     "a trillion vertices": (b"OFF\n1000000000000 1 0\n", "claims 1000000000000 vertices; 1000 are the most"),

@@ -71,8 +71,8 @@ def test_lines_that_lack_the_word_comment_are_told() -> None:
     header = read_header(HEADER.replace(b"comment by", b"by").replace(b"obj_info none", b"f\xfcr \xe4lle"))
     assert header.comments == ("by hand", "für älle")
     assert header.notes == (
-        "line 3 of the header is no comment, but read as one: 'by hand'",
-        "line 4 of the header is no comment, but read as one: 'für älle'",
+        "line 3 of the header is not a comment, but read as one: 'by hand'",
+        "line 4 of the header is not a comment, but read as one: 'für älle'",
     )
 
 
@@ -92,7 +92,7 @@ def test_lines_that_lack_the_word_comment_are_told() -> None:
         ("ply\nformat ascii 1.0\nelement vertex ٣\n".encode(), "line 3 .* not understood"),
         (b"ply\nformat utf-8 1.0\n", "line 2 .* not understood"),
         (b"ply\nformat ascii 1.0\nelement vertex " + b"9" * 19, "declares 9999999999999999999... rows, which no file"),
-        (b"ply\nend_header\n", "does not tell a format"),
+        (b"ply\nend_header\n", "does not name a format"),
         (b"ply\nformat ascii 1.0\n" + b"comment\n" * 5000, "no end_header"),
         (b"ply\ncomment " + b"x" * LONGEST_HEADER, "no end_header within its first 1048576 bytes"),
         (HEADER.replace(b"nothing", b"VERTEX"), "declares the element 'VERTEX' twice"),

@@ -93,7 +93,7 @@ READ_RIGHT: dict[str, tuple[bytes, int, int, float, str]] = {
         3,
         1,
         0.5,
-        "line 3 of the header is no comment, but read as one: 'Created by Some Exporter 1.0'",
+        "line 3 of the header is not a comment, but read as one: 'Created by Some Exporter 1.0'",
     ),
     "no line end at the end": (ONE[:-1], 3, 1, 0.5, "its last number may be cut short"),
     "an element that nobody knows": (
@@ -217,10 +217,10 @@ REFUSED: dict[str, tuple[bytes, str]] = {
         ply(vertex(), Element("face", [INDICES], [([0, 1, 2],)], 1000)),
         "at least 1009 numbers",
     ),
-    "no number": (ONE.replace(b"1.0 0.0 0.0", b"1.0 x 0.0"), "line 11: 'x' is no number"),
-    "a number with an underscore": (ONE.replace(b"1.0 0.0 0.0", b"1_0 0.0 0.0"), "line 11: '1_0' is no number"),
-    "numbers run together": (ONE.replace(b"1.0 0.0 0.0", b"1.0 0.0-0.0"), "line 11: '0.0-0.0' is no number"),
-    "a byte of nothing": (ONE.replace(b"1.0 0.0 0.0", b"1.0 \0 0.0"), "line 11: .* is no number"),
+    "no number": (ONE.replace(b"1.0 0.0 0.0", b"1.0 x 0.0"), "line 11: 'x' is not a number"),
+    "a number with an underscore": (ONE.replace(b"1.0 0.0 0.0", b"1_0 0.0 0.0"), "line 11: '1_0' is not a number"),
+    "numbers run together": (ONE.replace(b"1.0 0.0 0.0", b"1.0 0.0-0.0"), "line 11: '0.0-0.0' is not a number"),
+    "a byte of nothing": (ONE.replace(b"1.0 0.0 0.0", b"1.0 \0 0.0"), "line 11: .* is not a number"),
     "a list of less than nothing": (ONE.replace(b"3 0 1 2", b"-3 0 1 2"), "row 0 of face: .* a list of -3 values"),
     "a list of a fraction": (ONE.replace(b"3 0 1 2", b"2.5 0 1 2"), "row 0 of face: .* a list of 2.5 values"),
     "a list of no number": (ONE.replace(b"3 0 1 2", b"nan 0 1 2"), "row 0 of face: .* a list of nan values"),
@@ -345,7 +345,7 @@ def test_textures_elsewhere_are_told_and_not_read(tmp_path: Path) -> None:
         (b"../secret", tmp_path / "in", "lies outside"),
         (str(tmp_path / "secret").encode(), tmp_path / "in", "lies outside"),
         (b"secret", None, "put everything into one file"),
-        (b"in", tmp_path, "no regular file"),
+        (b"in", tmp_path, "not a regular file"),
     ):
         (tmp_path / "in").mkdir(exist_ok=True)
         data = ply(vertex(), face([0, 1, 2]), style=Style(lines=[b"comment TextureFile " + name]))

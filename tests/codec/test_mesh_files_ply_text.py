@@ -84,7 +84,7 @@ def test_words_that_are_numbers(word: bytes, value: float) -> None:
 def test_words_that_are_none(word: bytes, kind: PlyProperty) -> None:
     for line_end in (b"\n", b"\r", b"\r\n"):
         text = PlyText(b"head\n\n".replace(b"\n", line_end) + b"1" + line_end + word + b" 2", 6)
-        with pytest.raises(MeshFileError, match="line 4: .* is no number"):
+        with pytest.raises(MeshFileError, match="line 4: .* is not a number"):
             text.read(element(3, kind))
     text = PlyText(b"1 2 3 " + word, 0)
     text.read(element(3, kind))

@@ -92,7 +92,7 @@ def test_bytes_behind_the_facets_are_told() -> None:
 def test_words_that_the_format_does_not_have_are_told() -> None:
     mesh, notes = read(TEXT.replace("  endfacet", "  color 0.5 0.5 1\n  endfacet").encode())
     assert mesh.faces.tolist() == FACES
-    assert notes == ["2 words are no part of the format, such as 'color': left out"]
+    assert notes == ["2 words are not part of the format, such as 'color': left out"]
 
 
 def test_zeros_of_both_signs_are_one_position_and_not_a_number_is_refused() -> None:

@@ -56,7 +56,7 @@ def test_a_folder_is_uploaded_and_repeating_it_uploads_nothing(
     tmp_path: Path, scans: Path, meshtide: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MESHTIDE_TOKEN", TOKEN)
-    (scans / "broken.obj").write_text("this is no mesh")
+    (scans / "broken.obj").write_text("this is not a mesh")
     with taking_uploads(MESHTIDE_DATA=str(tmp_path / "data")) as (url, _):
         ran = meshtide("ingest", scans, "--server", url, "--bits", BITS, "--json")
         answer = json.loads(ran.stdout)

@@ -124,7 +124,7 @@ class StoreConformance:
     )
     async def test_ranges_outside_are_refused(self, store: Store, start: int, end: int) -> None:
         await store.put("a", bytes(100))
-        with pytest.raises(ObjectRangeError, match=f"bytes {start} to {end} are no range of object 'a'"):
+        with pytest.raises(ObjectRangeError, match=f"bytes {start} to {end} are not a range of object 'a'"):
             await store.get_range("a", start, end)
 
     @pytest.mark.parametrize("key", FOREIGN_KEYS)

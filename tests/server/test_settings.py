@@ -94,7 +94,7 @@ def test_the_address_of_the_database_may_stand_in_a_file(tmp_path: Path) -> None
     assert "secret" not in repr(shared)
     with pytest.raises(ValidationError, match="are the same thing"):
         Settings.model_validate({"store": "a", "database_file": file, "database": "sqlite:///a.db"})
-    for content, words in ((b"\n", "its first line is empty"), (b"\xff\xfe", "it is no text"), (None, "No such file")):
+    for content, words in ((b"\n", "its first line is empty"), (b"\xff\xfe", "it is not text"), (None, "No such file")):
         file.unlink(missing_ok=True)
         if content is not None:
             file.write_bytes(content)

@@ -46,7 +46,7 @@ def test_odd_assignments_are_refused(assigned: str, words: str) -> None:
     ("content", "words"),
     [
         (b"port = ", "is not TOML"),
-        (b"\xff", "is no text"),
+        (b"\xff", "is not text"),
         (b"colour = 1\n", "no setting 'colour'"),
         (b"[server]\nport = 1\n", "no setting 'server'"),
         (b"#" * ((1 << 20) + 1), "more than 1048576 bytes"),

@@ -56,7 +56,7 @@ def ingest(
 
     Contents that are there already are left alone, whatever their files are called, so an ingest that was interrupted
     goes on when the command is repeated. Uploads take a write token. Exit code 1 if any file failed. What lies in a
-    folder and is no file, such as a link that leads nowhere, is told and skipped.
+    folder and is not a file, such as a link that leads nowhere, is reported and skipped.
 
     Example: MESHTIDE_TOKEN=... meshtide ingest scans/ --server http://localhost:8000
 

@@ -59,7 +59,7 @@ class IngestDisplay:
             self._print(result, note, "yellow")
 
     def skip(self, result: Ingested) -> None:
-        """Something in a folder is no file, and not counted among them."""
+        """Something in a folder is not a file, and not counted among them."""
         self._print(result, result.error, "yellow")
 
     def _print(self, result: Ingested, words: str | None, style: str) -> None:

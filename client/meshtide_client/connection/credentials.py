@@ -22,7 +22,7 @@ def find_token(file: Path | str | None = None) -> str | None:
             `MESHTIDE_TOKEN` is the token, or `MESHTIDE_TOKEN_FILE` names the file.
 
     Raises:
-        OptionError: the file cannot be read, or what is found is no token; the message does not repeat it.
+        OptionError: the file cannot be read, or what is found is not a token; the message does not repeat it.
     """
     if file is None:
         if token := os.environ.get(VARIABLE, "").strip():

@@ -41,7 +41,7 @@ class Destination:
         stream_file: `.tide` file of the packets, kept afterwards, or None.
         keep_levels: folder for the mesh of each level, or None.
         overwrite: whether files of meshes that are there already are replaced.
-        kind: format of the output, in place of what its name tells; what is no regular file is PLY without it.
+        kind: format of the output, in place of what its name tells; what is not a regular file is PLY without it.
 
     Raises:
         MeshFileError: the output's format is unknown.
@@ -87,7 +87,9 @@ class Destination:
             check_apart(self.output, self.stream_file)
         self.check_output(*read)
         if self.stream_file is not None and is_written_in_place(self.stream_file):
-            raise OptionError(f"{shown(self.stream_file)} is no regular file, which a stream is kept in; name another")
+            raise OptionError(
+                f"{shown(self.stream_file)} is not a regular file, which a stream is kept in; name another"
+            )
         if self.partial_path is not None:
             output_file(self.partial_path, read, overwrite=self.overwrite, own=_is_download)
         if self.keep_levels is not None:

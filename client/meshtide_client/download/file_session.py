@@ -138,7 +138,7 @@ class FileSession:
         if not self._preamble_read:
             if len(self._pending) < PREAMBLE_BYTES:
                 return
-            self._reader.feed(bytes(self._pending[:PREAMBLE_BYTES]))  # raises if it is no preamble
+            self._reader.feed(bytes(self._pending[:PREAMBLE_BYTES]))  # raises if it is not a preamble
             self._preamble_read = True
         end = self._header_end()
         if len(self._pending) < end:

@@ -43,7 +43,7 @@ def handshake_problem(error: Exception, address: MeshAddress, timeout: float) ->
     if isinstance(error, TimeoutError):
         return TransferError(f"{server} did not answer within {timeout:g} seconds")
     if isinstance(error, InvalidURI) or (isinstance(error, ValueError) and not isinstance(error, OSError)):
-        return ProtocolError(f"{place} is redirected to what is no address of a stream")
+        return ProtocolError(f"{place} is redirected to what is not an address of a stream")
     return TransferError(f"cannot connect to {server}: {distrust(error) or without_secrets(_reason(error))}")
 
 

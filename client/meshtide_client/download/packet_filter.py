@@ -51,7 +51,7 @@ class Receiver(Protocol):
         """Take the next packet.
 
         Raises:
-            PacketError: it cannot be decoded, and that is no work of the filter.
+            PacketError: it cannot be decoded, and that is not a work of the filter.
         """
 
     def is_settled(self, count: int) -> bool:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _PING_SECONDS = 20.0
 _SLOWEST = 512
-"""Bytes of a message that have to come in each time limit after the first one: a trickle is no news."""
+"""Bytes of a message that have to come in each time limit after the first one: a trickle is not a news."""
 _CLOSE_SECONDS = 2.0
 _BREACH_CODES = frozenset({1002, 1007, 1009})
 """Close codes with which this side ends a connection whose frames are malformed or too large."""

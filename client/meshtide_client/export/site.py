@@ -279,7 +279,7 @@ def _row(path: Path, identifier: str, limits: Limits | None, listed: _Listed | N
             reader.feed(piece)
     header = reader.header
     if header is None:
-        raise ContainerError(f"{shown(path)} is no whole .tide file; delete it and export again")
+        raise ContainerError(f"{shown(path)} is not a whole .tide file; delete it and export again")
     own = HostedMesh(
         id=identifier,
         name=listed_name(path) if listed is None else listed.file,

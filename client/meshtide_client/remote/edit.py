@@ -55,7 +55,7 @@ def change_mesh(
     Raises:
         OptionError: `url` names no mesh, or nothing is to be changed.
         PeerError: the server refused.
-        TransferError, ProtocolError: there is no connection, or what answers is no meshtide server.
+        TransferError, ProtocolError: there is no connection, or what answers is not a meshtide server.
     """
     address = MeshAddress.parse(url)
     wanted = {"name": name, "tags": None if tags is None else list(tags), "licence": licence}

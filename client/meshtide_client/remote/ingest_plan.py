@@ -58,7 +58,7 @@ class Ingested:
         file: itself.
         mesh: id of its mesh, or None if there is none.
         state: "done", "kept" for one whose content was there already, "failed", "left" for one that was not begun, or
-            "skipped" for what lies in a folder and is no file.
+            "skipped" for what lies in a folder and is not a file.
         error: why it failed, was left or skipped.
         notes: what of the file is not in the stream, or was read otherwise than it stands there.
     """

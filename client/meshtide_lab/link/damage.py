@@ -32,7 +32,7 @@ DISTRIBUTIONS = ("gaussian", "uniform", "laplace")
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Noise on Diffs; it harms Diffs alone, and is no loss.
+    """Noise on Diffs; it harms Diffs alone, and is not a loss.
 
     Args:
         kind: its distribution, of mean 0.
@@ -74,7 +74,7 @@ class BitErrors:
             decoded as it is, which fails if the decoder finds it impossible, and shows something wrong if not.
 
     Raises:
-        OptionError: the rate is no probability.
+        OptionError: the rate is not a probability.
     """
 
     name: ClassVar[str] = "biterrors"

@@ -40,7 +40,7 @@ class ClassicEncoding:
     Args:
         quantized: the mesh.
         options: how to encode it.
-        progress: is told a stage and the fraction done.
+        progress: called with a stage and the fraction done.
 
     Attributes:
         header: what the decoder has to know.

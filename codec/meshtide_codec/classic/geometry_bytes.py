@@ -20,7 +20,7 @@ class GeometryBytes:
     """The parts of a stream's geometry.
 
     Args:
-        vertices: of the finest level, by which rates are told.
+        vertices: of the finest level; rates are per vertex of it.
         coarsest: bytes of the coarsest level's positions.
         coefficients: bytes of all Param packets.
         differences: bytes of all Diff packets.

@@ -1,4 +1,4 @@
-"""Options of the classic profile: what a person chooses, and what of it the decoder is told in the header."""
+"""Options of the classic profile: what a person chooses, and what of it the header holds."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class ClassicOptions:
 
 @dataclass(frozen=True)
 class ClassicHeader:
-    """What the decoder of a classic stream is told.
+    """The fields of a classic stream's header.
 
     Args:
         shifts: bits per coordinate that each level has dropped, level 0 first.
@@ -118,8 +118,8 @@ class ClassicHeader:
             spec["norm"] = "inf"
         return {"shifts": list(self.shifts), "filter": spec, "diffs": sorted(self.levels_with_diff)}
 
-    def tell(self, header: core.Header) -> None:
-        """Fill in the fields of the core's header."""
+    def fill(self, header: core.Header) -> None:
+        """Copy the fields into the core's header."""
         header.profile = self.number
         header.levels = len(self.shifts)
         header.shifts[: len(self.shifts)] = self.shifts
@@ -133,7 +133,7 @@ class ClassicHeader:
 
     @classmethod
     def of(cls, header: core.Header) -> ClassicHeader:
-        """What a header of the core tells.
+        """The fields of one of the core's headers.
 
         Raises:
             ContainerError: a filter that cannot be.

@@ -43,7 +43,7 @@ class CompactEncoding:
     Args:
         quantized: the mesh.
         options: how to encode it.
-        progress: is told a stage and the fraction done.
+        progress: called with a stage and the fraction done.
         threads: how many may work at once.
 
     Attributes:

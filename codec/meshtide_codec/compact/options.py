@@ -1,4 +1,4 @@
-"""Options of the compact profile: what a person chooses, and what of it the decoder is told in the header."""
+"""Options of the compact profile: what a person chooses, and what of it the header holds."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class CompactOptions:
 
 @dataclass(frozen=True)
 class CompactHeader:
-    """What the decoder of a compact stream is told.
+    """The fields of a compact stream's header.
 
     Args:
         base_depth: octree depth of the coarsest level, which comes whole in the Base packet.
@@ -121,7 +121,7 @@ class CompactHeader:
         return (0, 1) if self.effort is Effort.HIGH else (0,)
 
     def plain(self) -> dict[str, Any]:
-        """The fields as JSON can hold them; what of them the packet table tells is left out."""
+        """The fields as JSON can hold them, without those that follow from the packet table."""
         return {
             "effort": self.effort.value,
             "strengths": list(self.strengths),
@@ -129,8 +129,8 @@ class CompactHeader:
             "slices": list(self.slices),
         }
 
-    def tell(self, header: core.Header) -> object:
-        """Fill in the fields of the core's header; returns what must live until it is written."""
+    def fill(self, header: core.Header) -> object:
+        """Copy the fields into the core's header; returns what must stay alive until it is written."""
         header.profile = self.number
         header.effort = int(self.effort is Effort.HIGH)
         header.base_depth = self.base_depth
@@ -144,7 +144,7 @@ class CompactHeader:
 
     @classmethod
     def of(cls, header: core.Header) -> CompactHeader:
-        """What a header of the core tells."""
+        """The fields of one of the core's headers."""
         mirror = None
         if header.mirror_axis >= 0:
             mirror = Mirror(header.mirror_axis, header.mirror_sum, header.bits)

@@ -1,4 +1,4 @@
-"""Which reader and which writer stand for which kind of file, and what a file's first bytes tell of its kind."""
+"""Which reader and which writer stand for which kind of file, and what a file's first bytes say of its kind."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Reader(Protocol):
     """Makes a scene of bytes: `read_obj` and its like, one for each format.
 
     It holds what the file declares against its bytes and the limits before it takes memory, raises MeshFileError and
-    nothing else, and tells what a person should know through `source.note`.
+    nothing else, and reports what a person should know through `source.note`.
     """
 
     def __call__(self, source: Source, limits: FileLimits) -> Scene:

@@ -1,4 +1,4 @@
-"""What a scene holds that a stream or a file of some format does not: told once, in one line, with numbers."""
+"""What a scene holds that a stream or a file of some format does not: reported once, in one line, with numbers."""
 
 from __future__ import annotations
 

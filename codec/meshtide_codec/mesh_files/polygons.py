@@ -59,12 +59,12 @@ class Triangulation:
         Args:
             corners: what the file calls them.
         """
-        told = []
+        notes = []
         if self.degenerate:
-            told.append(f"faces of fewer than three different {corners}, left out: {self.degenerate}")
+            notes.append(f"faces of fewer than three different {corners}, left out: {self.degenerate}")
         if self.crossed:
-            told.append(f"{self.crossed} polygons cross themselves: their triangles overlap")
-        return told
+            notes.append(f"{self.crossed} polygons cross themselves: their triangles overlap")
+        return notes
 
 
 def triangulated(vertices: NDArray[np.float64], counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Triangulation:
@@ -195,7 +195,7 @@ def _cut(points: NDArray[np.float64], work: Work) -> Iterator[tuple[NDArray[np.i
         level = turn > -_STRAIGHT * square
         ahead = (before * edges).sum(axis=0) * np.sqrt(square)
         once = np.abs(np.arctan2(turn, ahead).sum(axis=0)) < 3 * np.pi  # a star turns round twice
-    # A fan around a corner has no flat triangle if its two neighbours are no corners on straight lines.
+    # A fan around a corner has no flat triangle if its two neighbours are not corners on straight lines.
     apexes = np.roll(left, 1, axis=0) & np.roll(left, -1, axis=0)
     convex = level.all(axis=0) & once & apexes.any(axis=0)
     fans = np.flatnonzero(convex | flat)

@@ -68,7 +68,7 @@ def load_scene(
     Args:
         path: of the file, or `-` for standard input.
         limits: what it may claim.
-        kind: of its content, such as ply, in place of what its name tells.
+        kind: of its content, such as ply, in place of what its name says.
         alone: whether the file may name no others: for files of strangers.
 
     Raises:
@@ -96,7 +96,7 @@ def read_source(source: Source, limits: FileLimits) -> Scene:
     if found is not None and found != source.suffix and source.suffix in ("", *SUFFIXES):  # others may be archives
         raise MeshFileError(f"it is taken for *{source.suffix}, but its content is {found.lstrip('.')}")
     if not source.suffix:
-        raise MeshFileError("its name does not tell the format; --format names it, such as ply or obj")
+        raise MeshFileError("its name does not show the format; --format names it, such as ply or obj")
     reader = reader_of(source.suffix) or read_other
     with np.errstate(invalid="ignore", over="ignore"):  # numbers that are none are refused by the name of their vertex
         scene = reader(source, limits)
@@ -122,8 +122,8 @@ def mesh_of(scene: Scene, name: Path | str = "", *, keep_unreferenced: bool = Fa
         raise type(error)(f"{name}: {error}" if name else str(error)) from error
 
 
-def _checked(mesh: Mesh, told: Sequence[str], *, keep_unreferenced: bool) -> SceneMesh:
-    notes = list(told)
+def _checked(mesh: Mesh, found: Sequence[str], *, keep_unreferenced: bool) -> SceneMesh:
+    notes = list(found)
     not_finite = None
     if len(mesh.vertices) == 0:
         raise MeshFileError("there are no vertices in it")
@@ -160,7 +160,7 @@ def load_mesh(
         path: of the file, or `-` for standard input.
         keep_unreferenced: whether vertices that no face uses stay (they cannot be seen, but cost bytes).
         limits: what the file may claim.
-        kind: of its content, such as ply, in place of what its name tells.
+        kind: of its content, such as ply, in place of what its name says.
         alone: whether the file may name no others: for files of strangers.
 
     Raises:

@@ -43,7 +43,7 @@ class Source:
 
     Args:
         name: as the user gave it, for messages.
-        suffix: what tells the format, in lower case: ``.obj`` of ``scan.OBJ.gz``.
+        suffix: what names the format, in lower case: ``.obj`` of ``scan.OBJ.gz``.
         content: its bytes, unpacked.
         folder: where files that it names may lie; None: it may name none.
         notes: lines that a person should see, added to by its reader.
@@ -78,7 +78,7 @@ class Source:
             limits: how large it may be.
 
         Raises:
-            MeshFileError: it lies elsewhere, is no regular file, cannot be read, or is too large.
+            MeshFileError: it lies elsewhere, is not a regular file, cannot be read, or is too large.
         """
         shown = reference[:200]
         if self.folder is None:
@@ -93,7 +93,7 @@ class Source:
             if not path.exists():
                 return None
             if not path.is_file():
-                raise MeshFileError(f"the file names {shown!r}, which is no regular file")
+                raise MeshFileError(f"the file names {shown!r}, which is not a regular file")
             with path.open("rb") as file:
                 return read_bounded(file, limits)
         except UnicodeEncodeError as error:
@@ -104,7 +104,7 @@ class Source:
 
 
 def format_suffix(name: str) -> str:
-    """The suffix that tells the format of a file, in lower case.
+    """The suffix that names the format of a file, in lower case.
 
     >>> format_suffix("scan.OBJ.gz"), format_suffix("scan.ply"), format_suffix("-")
     ('.obj', '.ply', '')
@@ -118,7 +118,7 @@ def open_source(path: Path | str, limits: FileLimits, *, kind: str | None = None
     Args:
         path: of the file, or `-` for standard input.
         limits: how large it may be, unpacked or not.
-        kind: of its content, such as ply, in place of what its name tells.
+        kind: of its content, such as ply, in place of what its name says.
         alone: whether it may name no other files.
 
     Raises:
@@ -141,7 +141,7 @@ def open_source(path: Path | str, limits: FileLimits, *, kind: str | None = None
 
 
 def _binary(file: BinaryIO, limits: FileLimits) -> memoryview | None:
-    """All bytes of a large file that is no text, in memory of numpy's; None, and the file at its begin, for others.
+    """All bytes of a large file that is not text, in memory of numpy's; None, and the file at its start, for others.
 
     numpy asks for large pages: filling them takes half the time of filling as many bytes of Python's.
     """
@@ -186,7 +186,7 @@ def _pieces(file: BinaryIO, most: int) -> Iterator[bytes]:
 
 
 def expanded(data: bytes, limits: FileLimits, notes: list[str] | None = None) -> bytes:
-    """What a gzip archive holds; bytes behind it that are no archive are left out, as gunzip does.
+    """What a gzip archive holds; bytes behind it are left out unless they are another archive, as gunzip does.
 
     Args:
         data: the archive.

@@ -370,7 +370,7 @@ def _spelled_otherwise(text: NDArray[np.uint8], starts: NDArray[np.int64]) -> ND
         ends = gaps[np.searchsorted(gaps, starts)]
         alone = np.where(_spans(len(text), starts, ends), text, np.uint8(BLANK))
         with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # how numpy tells of a word that is no number
+            warnings.simplefilter("error", DeprecationWarning)  # how numpy reports a word that is not a number
             try:
                 values = np.fromstring(alone.tobytes(), np.float64, sep=" ")
             except (DeprecationWarning, ValueError):

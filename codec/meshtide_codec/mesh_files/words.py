@@ -69,15 +69,15 @@ class Words:
         return leading_numbers(self._raw, self.starts[start:stop], self._end(stop), whole=True)
 
     def refuse(self, word: int) -> NoReturn:
-        """Say that a word is no number.
+        """Say that a word is not a number.
 
         Raises:
             MeshFileError: always.
         """
         found = self.text[int(self.starts[word]) : self._end(word + 1)].split(maxsplit=1)[0]
         shown = found[:40].decode("ascii", "replace")
-        told = ", which has a control byte," if CONTROL.search(found) else ""
-        raise MeshFileError(f"line {self.line(word)}: a number is missing where {shown!r}{told} stands")
+        control = ", which has a control byte," if CONTROL.search(found) else ""
+        raise MeshFileError(f"line {self.line(word)}: a number is missing where {shown!r}{control} stands")
 
     def line(self, word: int) -> int:
         """The line that a word stands on, from 1; of the word after the last one, that of the end."""

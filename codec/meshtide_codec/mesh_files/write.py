@@ -1,4 +1,4 @@
-"""From a scene or a mesh to a file whose name tells the format."""
+"""From a scene or a mesh to a file whose name gives the format."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
     Args:
         scene: what is written.
         path: of the file, or ``-`` for standard output.
-        kind: the format, such as ply, in place of what the name tells.
+        kind: the format, such as ply, in place of what the name says.
         replace: whether files that are there already are replaced.
 
     Returns:
@@ -73,7 +73,7 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
 
 
 def save_mesh(mesh: Mesh, path: Path | str, *, kind: str | None = None, replace: bool = True) -> None:
-    """Write a mesh to a file whose name, or `kind`, tells the format; see `save_scene`.
+    """Write a mesh to a file whose name, or `kind`, gives the format; see `save_scene`.
 
     Raises:
         MeshFileError: the format is unknown.
@@ -86,11 +86,11 @@ def format_of(path: Path, kind: str | None = None) -> str:
     """The format of a mesh file that is to be written, so that it is known before any work.
 
     Args:
-        path: its name; what is no regular file is a PLY file unless its name tells something else.
-        kind: the format, in place of what the name tells.
+        path: its name; what is not a regular file is a PLY file unless its name says something else.
+        kind: the format, in place of what the name says.
 
     Raises:
-        MeshFileError: neither tells it.
+        MeshFileError: neither gives it.
 
     >>> format_of(Path("a.OBJ")), format_of(Path("a.obj"), "off"), format_of(Path("-"))
     ('obj', 'off', 'ply')
@@ -99,7 +99,7 @@ def format_of(path: Path, kind: str | None = None) -> str:
     if not suffix and (is_standard_output(path) or is_written_in_place(path)):
         return "ply"
     if not suffix:
-        raise MeshFileError(f"cannot write {path}: its name has no ending that tells the format, such as .ply")
+        raise MeshFileError(f"cannot write {path}: its name has no ending that gives the format, such as .ply")
     return suffix
 
 

@@ -1,7 +1,7 @@
 """A second decoder, written from docs/format.md for reading: plain Python, a chapter for each section of the document.
 
 It shares no decoding code with the core and is held against it bit for bit by the tests, so that the document, the
-core and this decoder tell the same story. It takes some seconds for every thousand vertices.
+core and this decoder agree. It takes some seconds for every thousand vertices.
 
 =============== ==========================================================================
 `header`        1, the file: preamble, header, packets
@@ -10,7 +10,7 @@ core and this decoder tell the same story. It takes some seconds for every thous
 `levels`        4, cells, triangles, rings
 `map`           5, which octants of each cell have children
 `candidates`    6, who may be the apex of a new face
-`faces`         7, the walk that tells faces
+`faces`         7, the walk that codes faces
 `surroundings`  8, what a vertex' neighbours say of its next bits
 `diff`          9, the bits
 `compact`       10, profile compact: packets, previews, what is drawn
@@ -71,7 +71,7 @@ def reference_levels(header: Header, payloads: dict[Key, bytes]) -> dict[int, Dr
 
 
 def reference_order(data: bytes) -> tuple[list[int], list[Point]] | None:
-    """For each input vertex its vertex of level 0, and the input's faces; None if the stream does not tell.
+    """For each input vertex its vertex of level 0, and the input's faces; None if the stream does not store them.
 
     Raises:
         StreamError: the file is damaged.

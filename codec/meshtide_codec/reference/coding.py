@@ -192,11 +192,11 @@ def _logistic_tables() -> tuple[list[int], list[int]]:
 
 STRETCH, SQUASH = _logistic_tables()
 WEIGHT_ONE = 1 << 14
-NUMBERS = 8  # inputs of a neuron that are no contexts
+NUMBERS = 8  # inputs of a neuron that are not contexts
 
 
 class Question(NamedTuple):
-    """What a decision is mixed from: contexts, which of them tell the opposite, eight numbers, neurons."""
+    """What a decision is mixed from: contexts, which of them hold the opposite, eight numbers, neurons."""
 
     places: Sequence[int]
     opposed: Sequence[bool]
@@ -244,7 +244,7 @@ class Mixer:
         neurons: Sequence[int],
         final_neuron: int,
     ) -> int:
-        """A decision by the contexts at `places`, some of which tell the opposite, and eight numbers."""
+        """A decision by the contexts at `places`, some of which hold the opposite, and eight numbers."""
         return self.bits(decoder, [Question(places, opposed, numbers, neurons, final_neuron)])[0]
 
     def bits(self, decoder: RangeDecoder, questions: Sequence[Question]) -> list[int]:

@@ -142,10 +142,10 @@ def decode_compact(header: Header, payloads: dict[Key, bytes]) -> dict[int, Draw
     hierarchy = _decode_levels(header, options, payloads)
     for number in range(len(options.slices)):
         for depth in filter(None, options.diff_depths):  # there is no bit plane of depth 0
-            told = payloads.get((DIFF, header.bits - depth, number))
-            if told is None or depth > hierarchy.known_depth:
+            planes = payloads.get((DIFF, header.bits - depth, number))
+            if planes is None or depth > hierarchy.known_depth:
                 break
-            with RangeDecoder(told) as decoder:
+            with RangeDecoder(planes) as decoder:
                 hierarchy.decode_planes(decoder, number, depth)
     for depth in range(options.base_depth, hierarchy.known_depth + 1):
         cells = hierarchy.level(depth)
@@ -168,10 +168,10 @@ def _decode_levels(header: Header, options: CompactOptions, payloads: dict[Key, 
         while hierarchy.known_depth < options.base_depth:
             hierarchy.decode_level(decoder)
     while not hierarchy.complete:
-        payload = payloads.get((MAP_CONN, header.bits - hierarchy.known_depth - 1, 0))
-        if payload is None:
+        planes = payloads.get((MAP_CONN, header.bits - hierarchy.known_depth - 1, 0))
+        if planes is None:
             break
-        with RangeDecoder(payload) as decoder:
+        with RangeDecoder(planes) as decoder:
             hierarchy.decode_level(decoder)
     return hierarchy
 

@@ -77,7 +77,7 @@ HIGH_SHAPE = Shape(
 
 
 class Slice:
-    """A run of vertices in Morton order, and what Diffs have told of them.
+    """A run of vertices in Morton order, and what Diffs have made known of them.
 
     Args:
         bits: of the grid.
@@ -187,7 +187,7 @@ class Slice:
             questions = [asking.question(axis, seen.plane[axis], Single(0)) for axis in range(3)]
             steps[:3] = [1 if bit else -1 for bit in self._mixer.bits(decoder, questions)]
         else:
-            # The axis nearest to the normal last: by then the others have told where on the surface the vertex is.
+            # The axis nearest to the normal last: by then the others have settled where on the surface the vertex is.
             lean = seen.normal / (seen.normal * seen.normal + SLANT)
             surface_lean = wide.normal / (wide.normal * wide.normal + SLANT)
             carried = surface_carried = Single(0)
@@ -216,9 +216,9 @@ class Slice:
                 seen.laplacian = seen.laplacian + way * self._shares[neighbour.member]
 
     def known_cells(self, level: Level) -> dict[int, Vector]:
-        """For the leaves of a level of which Diffs have told: the middle and the depth of the known cell."""
-        told = min(level.depth, self.known_depth)
-        leaves = [v.row.position for v in self._vertices if v.leaf_depth is not None and v.leaf_depth <= told]
+        """For the leaves of a level that Diffs have refined: the middle and the depth of the known cell."""
+        known = min(level.depth, self.known_depth)
+        leaves = [v.row.position for v in self._vertices if v.leaf_depth is not None and v.leaf_depth <= known]
         run = [v for v in self.run_of(level) if level.leaves[v] and level.cell_depths[v] <= self.known_depth]
         return dict(zip(run, leaves, strict=False))
 
@@ -254,7 +254,7 @@ class Asking:
         return Question(places, opposed, self._numbers(axis, plane, quadric), asked, final_neuron)
 
     def _contexts(self, axis: int, plane: Single) -> list[tuple[bool, int]]:
-        """Contexts 0 to 3: whether they are told from the other side, and their places."""
+        """Contexts 0 to 3: whether they are seen from the other side, and their places."""
         s = self._seen
         far, ring = s.far_mean[axis], s.in_ring.offset[axis]
         midpoint, across = s.midpoint.offset[axis], s.across.offset[axis]

@@ -3,7 +3,7 @@
 An encoder finds out whether edges of the coarse level have several faces a side; then it walks without writing, at
 first as if nothing rare were needed (`clean`), again if that fails, and sees whether every gate had a face among its
 candidates (`closed`) and whether there were extra faces. At a gate or above a seed it wants the first face in canonical
-order that fits and is not told yet.
+order that fits and is not coded yet.
 """
 
 from __future__ import annotations

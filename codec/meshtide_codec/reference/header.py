@@ -1,7 +1,7 @@
 """The file: preamble, header, packets (docs/format.md, section 1).
 
 An encoder decides B and the cube (the longest side of the bounding box), which packets there are and what each state
-needs; it writes coordinates in the shortest form that tells the double, and distances rounded up.
+needs; it writes coordinates in the shortest form that gives the double, and distances rounded up.
 """
 
 from __future__ import annotations

@@ -224,7 +224,7 @@ class Coarse:
     """The coarse level as the walk asks it.
 
     Args:
-        several: whether edges may have more than one face a side, so that twins do not tell all of them.
+        several: whether edges may have more than one face a side, so that twins do not reach all of them.
     """
 
     def __init__(self, level: Level, *, several: bool) -> None:
@@ -238,7 +238,7 @@ class Coarse:
         self._crowded = [several and self._is_crowded(vertex) for vertex in range(len(level))]
 
     def _is_crowded(self, vertex: int) -> bool:
-        """Whether the vertex' fan, and the twins, do not tell all faces at its edges."""
+        """Whether the vertex' fan and the twins miss some faces at its edges."""
         targets = [self.level.corners[after(h)] for h in self._leaving[vertex]]
         return len(set(targets)) < len(targets) or len(list(self._fan(vertex, len(targets)))) < len(targets)
 

@@ -1,6 +1,6 @@
 """How the input's vertices and faces stood (docs/format.md, section 12).
 
-An encoder tells faces by their keys or by their rows, whichever is shorter.
+An encoder names faces by their keys or by their rows, whichever is shorter.
 """
 
 from __future__ import annotations

@@ -324,7 +324,7 @@ def _product(row: Vector, rows: list[Vector]) -> Vector:
 
 @dataclass
 class Reflection:
-    """What the image of an owner's partner tells.
+    """What is known from the image of an owner's partner.
 
     Attributes:
         offset: from the owner, in half cells.
@@ -385,7 +385,7 @@ class Mirror:
                     nearest, owner.partner = distance, leaves[found]
 
     def look(self, owner: Vertex, around: list[Vertex], half: Single) -> Reflection:
-        """What the image of the owner's partner tells; around are the members of its ring."""
+        """What is known from the image of the owner's partner; around are the members of its ring."""
         if owner.partner is None:
             return Reflection(vector(0, 0, 0))
         agreeing = sum(vertex.likeness == AGREES for vertex in around)

@@ -79,7 +79,7 @@ class Cell:
 
 @dataclass
 class Survey:
-    """What the surroundings of a cell tell before its children are coded; lengths in half cells."""
+    """What is known of a cell's surroundings before its children are coded; lengths in half cells."""
 
     members: list[Cell]
     votes: list[int] = field(default_factory=lambda: [0] * 8)

@@ -34,7 +34,7 @@ def load_subjects(inputs: Sequence[str], *, all_levels: bool = False, limits: Li
         limits: what a stream may claim.
 
     Raises:
-        MeshError, OSError: a file is no mesh, or cannot be opened.
+        MeshError, OSError: a file is not a mesh, or cannot be opened.
         StreamError: a stream is damaged.
     """
     subjects = []

@@ -41,7 +41,7 @@ td, th {{ padding: 0.2em 0.8em; text-align: right; border-bottom: 1px solid #ccc
 
 
 class StreamReport:
-    """What there is to tell of a stream.
+    """What a stream holds.
 
     Args:
         name: of the mesh.

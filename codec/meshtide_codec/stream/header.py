@@ -34,7 +34,7 @@ FORMAT_VERSION = 4
 """The one that this program writes and reads."""
 
 HEADERS = {kind.number: kind for kind in (ClassicHeader, CompactHeader)}
-"""What each profile tells its decoder, by its number."""
+"""The class of each profile's own fields, by the profile's number."""
 
 TELLS_SIZES = frozenset({PacketKind.BASE, PacketKind.MAP_CONN, PacketKind.PREVIEW})
 """The packets that say what vertices and faces there are."""
@@ -65,7 +65,7 @@ class LevelEntry:
     def rank(self) -> float:
         """By which states are compared, the better the less: their RMS distance, as far as it says anything.
 
-        Only level 0 is the finest mesh; another state that says it is as near tells nothing that would make a later
+        Only level 0 is the finest mesh; another state that claims to be as near proves nothing that would make a later
         one worse.
         """
         return math.inf if self.level and self.rms == 0.0 else self.rms
@@ -180,8 +180,8 @@ class StreamHeader:
         try:
             packets, states = np.array(rows, core.PACKET), np.array(sizes, core.STATE)
         except OverflowError as error:
-            raise OptionError(f"a packet or a level that no header can tell: {error}") from error
-        told = core.Header(
+            raise OptionError(f"a packet or a level that no header can hold: {error}") from error
+        header = core.Header(
             bits=self.bits,
             origin=self.origin,
             extent=self.extent,
@@ -190,9 +190,9 @@ class StreamHeader:
             states=states.ctypes.data,
             state_count=len(states),
         )
-        kept = self.options.tell(told)
+        kept = self.options.fill(header)
         handle, data = core.Handle("mt_stream_free"), core.Bytes()
-        core.call("mt_stream_write", byref(told), byref(handle.pointer), byref(data))
+        core.call("mt_stream_write", byref(header), byref(handle.pointer), byref(data))
         del kept
         return data.copied()
 
@@ -207,17 +207,17 @@ class StreamHeader:
         """
         limits = limits or Limits()
         handle = parsed(data, limits)
-        told = core.library().mt_stream_header(handle).contents
-        packets = core.copied(told.packets, (told.packet_count,), core.PACKET)
-        states = core.copied(told.states, (told.state_count,), core.STATE)
+        header = core.library().mt_stream_header(handle).contents
+        packets = core.copied(header.packets, (header.packet_count,), core.PACKET)
+        states = core.copied(header.states, (header.state_count,), core.STATE)
         for vertices, faces, *_, level in states.tolist():
             limits.check_mesh(vertices, faces, level=level)
-        options = HEADERS[told.profile].of(told)
+        options = HEADERS[header.profile].of(header)
         return cls(
             options=options,
-            bits=told.bits,
-            origin=tuple(told.origin),
-            extent=told.extent,
+            bits=header.bits,
+            origin=tuple(header.origin),
+            extent=header.extent,
             levels=tuple(
                 LevelEntry(level, needed, vertices, faces, rms, maximum)
                 for vertices, faces, rms, maximum, needed, level in states.tolist()

@@ -203,7 +203,7 @@ class _Run:
 
 @dataclass(frozen=True, slots=True)
 class HeaderEvent:
-    """The stream's header is known; `resumed` tells whether the packets held before still belong to it."""
+    """The stream's header is known; `resumed`: whether the packets held before still belong to it."""
 
     header: StreamHeader
     header_bytes: bytes
@@ -221,7 +221,7 @@ class PacketEvent:
 
 @dataclass(frozen=True, slots=True)
 class DoneEvent:
-    """All that was asked for is held; so many packets and bytes came now, and `more` tells whether the stream goes on.
+    """All that was asked for is held; so many packets and bytes came now; `more`: whether the stream goes on.
 
     The session counts them itself; what the server says of them is not believed.
     """

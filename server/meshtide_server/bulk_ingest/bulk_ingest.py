@@ -123,7 +123,7 @@ class BulkIngest:
             stage: is told what a worker of this machine does, now and then.
 
         Raises:
-            OptionError: it is no address of a cluster, or the extra `dask` is not installed.
+            OptionError: it is not an address of a cluster, or the extra `dask` is not installed.
             StoreError, DatabaseUnavailableError, NewerSchemaError, TransferError: store, catalogue or cluster cannot
                 be opened. What goes wrong later is told of the files.
         """

@@ -63,7 +63,7 @@ class DaskCluster:
             patience: seconds to wait for the scheduler, and for a first worker.
 
         Raises:
-            OptionError: it is no address of a scheduler.
+            OptionError: it is not an address of a scheduler.
             TransferError: there is no scheduler, or it has no workers.
         """
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a lost connection is told by this class
@@ -76,7 +76,9 @@ class DaskCluster:
             connected = client.status == "running"
             await client.close()
             if isinstance(error, ValueError):
-                raise OptionError(f"{address!r} is no address of a Dask scheduler, tcp://host:8786: {error}") from error
+                raise OptionError(
+                    f"{address!r} is not an address of a Dask scheduler, tcp://host:8786: {error}"
+                ) from error
             if isinstance(error, TimeoutError) and connected:
                 raise TransferError(f"the Dask scheduler at {address} has no worker") from error
             if isinstance(error, OSError):

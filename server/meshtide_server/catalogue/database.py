@@ -49,7 +49,7 @@ class Database:
         url: see `checked_url`.
 
     Raises:
-        OptionError: it is no address of a database, or the extra that it needs is not installed.
+        OptionError: it is not an address of a database, or the extra that it needs is not installed.
     """
 
     def __init__(self, url: str) -> None:
@@ -147,7 +147,7 @@ def checked_url(url: str) -> URL:
     if parsed is not None and _POSTGRESQL.fullmatch(parsed.drivername) and parsed.database:
         return parsed.set(drivername="postgresql+asyncpg")
     shown = parsed.render_as_string(hide_password=True) if parsed is not None else "what was given"
-    raise OptionError(f"{shown} is no database: sqlite:///file.db or postgresql://user:password@host/name")
+    raise OptionError(f"{shown} is not a database: sqlite:///file.db or postgresql://user:password@host/name")
 
 
 def _set_up_sqlite(connection: Any, _: object) -> None:  # noqa: ANN401 - the driver's own type

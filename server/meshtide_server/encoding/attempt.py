@@ -1,6 +1,6 @@
 """One attempt at a job: the upload is fetched, encoded, and published, and whatever happens is noted in the catalogue.
 
-Three sorts of failure are told apart. What is wrong with the upload, such as a file that is no mesh or takes longer
+Three sorts of failure are told apart. What is wrong with the upload, such as a file that is not a mesh or takes longer
 than a job may, fails the job for good. What may have been an accident, such as a process that died, is tried once more.
 A fault of the server, such as a store that does not answer, is logged and counted as one; as long as the store is
 away, the job goes back to the queue as if it had not been begun, so that no upload is lost by it.

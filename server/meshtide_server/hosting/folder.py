@@ -1,8 +1,8 @@
 """The meshes of the server's folder and the samples: which there are, and how far each is.
 
 Three jobs work on them side by side: one looks for new, changed and vanished files (`scan`), one checks streams and
-finds those that were encoded before (`check`), and one, which is no concern of this room, has the others encoded. What
-one of them leaves for the next stands in a queue here. A mesh that fails says so in its state and stops nobody.
+finds those that were encoded before (`check`), and one, in another room, has the others encoded. What one of them
+leaves for the next waits in a queue here. A mesh that fails says so in its state and stops nobody.
 """
 
 from __future__ import annotations

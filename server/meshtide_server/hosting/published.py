@@ -59,7 +59,7 @@ class PublishedMeshes:
     Args:
         store: holds their streams.
         catalogue: knows them.
-        cache: for parts of streams, if the store is no folder.
+        cache: for parts of streams, if the store is not a folder.
     """
 
     def __init__(self, store: Store, catalogue: Catalogue, cache: BlockCache) -> None:

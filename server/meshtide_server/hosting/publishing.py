@@ -79,7 +79,7 @@ async def publish(
         The mesh as it stands in the catalogue.
 
     Raises:
-        StreamError: it is no whole stream.
+        StreamError: it is not a whole stream.
         MeshExistsError: there is a mesh of that id, and `overwrite` is not set.
         UnknownMeshError: the job is not its owner's any more.
         StoreError, DatabaseUnavailableError: what the store or the database could not do.

@@ -115,7 +115,7 @@ def body_of(head: bytes) -> int | Body:
         raise _malformed("CONNECT has no body")
     if name == b"content-length":
         if not _LENGTH.fullmatch(value):
-            raise _malformed("its Content-Length is no number")
+            raise _malformed("its Content-Length is not a number")
         return int(value)
     if value != b"chunked" or not request.endswith(b" HTTP/1.1"):
         raise _malformed("its Transfer-Encoding is not chunked, the only one that is known here")

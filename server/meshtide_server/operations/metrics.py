@@ -66,7 +66,7 @@ class JobOutcome(StrEnum):
 
 
 class ReadOutcome(StrEnum):
-    """How a read from a store that is no folder ended."""
+    """How a read from a store that is not a folder ended."""
 
     DONE = "done"
     FAILED = "failed"
@@ -116,12 +116,12 @@ _request_bytes = Counter(
     "meshtide_http_body_bytes", "Bytes of bodies sent, by template of the route.", ["route"], registry=REGISTRY
 )
 _store_cache = Gauge(
-    "meshtide_store_cache_bytes", "Parts of streams in memory, from a store that is no folder.", registry=REGISTRY
+    "meshtide_store_cache_bytes", "Parts of streams in memory, from a store that is not a folder.", registry=REGISTRY
 )
 _store_reads = Counter(
-    "meshtide_store_reads", "Reads from a store that is no folder, by outcome.", ["outcome"], registry=REGISTRY
+    "meshtide_store_reads", "Reads from a store that is not a folder, by outcome.", ["outcome"], registry=REGISTRY
 )
-_store_bytes = Counter("meshtide_store_read_bytes", "Bytes read from a store that is no folder.", registry=REGISTRY)
+_store_bytes = Counter("meshtide_store_read_bytes", "Bytes read from a store that is not a folder.", registry=REGISTRY)
 _faults = Counter("meshtide_errors", "Faults of this server, by part.", ["part"], registry=REGISTRY)
 _draining = Gauge("meshtide_draining", "1 while the last streams are waited for before the end.", registry=REGISTRY)
 

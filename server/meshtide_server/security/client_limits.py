@@ -132,7 +132,7 @@ class ClientLimits:
 
 @lru_cache(maxsize=4096)
 def _key(address: str, unlimited: tuple[Network, ...]) -> str | None:
-    """The entry of an address, or None if it is not limited; what is no address is one of its own."""
+    """The entry of an address, or None if it is not limited; what is not an address is one of its own."""
     try:
         parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

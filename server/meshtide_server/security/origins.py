@@ -1,7 +1,7 @@
 """Which web pages may read the meshes.
 
 Browsers let a page of any origin open websockets to any server, also to one that only this machine can reach, so the
-server has to look at the origin itself. Programs that are no browsers send none and are always let in.
+server has to look at the origin itself. Programs that are not browsers send none and are always let in.
 """
 
 from __future__ import annotations

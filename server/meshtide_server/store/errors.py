@@ -53,7 +53,7 @@ class ObjectRangeError(StoreError, ValueError):
     def __init__(self, key: str, start: int, end: int, size: int | None = None) -> None:
         self.key = key
         of = "" if size is None else f" of {size} bytes"
-        super().__init__(f"bytes {start} to {end} are no range of object {key!r}{of}")
+        super().__init__(f"bytes {start} to {end} are not a range of object {key!r}{of}")
 
 
 class InvalidKeyError(StoreError, ValueError):

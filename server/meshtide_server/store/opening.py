@@ -27,7 +27,7 @@ def open_store(url: str | os.PathLike[str]) -> Store:
         url: a folder's path, ``file:`` and a path, ``memory:``, or ``s3://bucket/folder``.
 
     Raises:
-        OptionError: it is no address of a store, or the extra that it needs is not installed.
+        OptionError: it is not an address of a store, or the extra that it needs is not installed.
         StoreError: the store cannot be opened.
 
     >>> open_store("memory:")
@@ -47,7 +47,9 @@ def open_store(url: str | os.PathLike[str]) -> Store:
         from meshtide_server.store.s3 import S3Store  # noqa: PLC0415 - needs an extra
 
         return S3Store(parts.netloc, parts.path.strip("/"))
-    raise OptionError(f"{_without_secrets(text)!r} is no store: a folder, file:/a/folder, memory:, s3://bucket/folder")
+    raise OptionError(
+        f"{_without_secrets(text)!r} is not a store: a folder, file:/a/folder, memory:, s3://bucket/folder"
+    )
 
 
 def _without_secrets(url: str) -> str:

@@ -114,7 +114,7 @@ class Store(Protocol):
         """
 
     async def delete(self, key: str) -> None:
-        """Remove an object; it is no error if there is none."""
+        """Remove an object; it is not an error if there is none."""
 
     async def close(self) -> None:
         """Let go of connections; may be called twice."""

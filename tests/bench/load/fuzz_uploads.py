@@ -1,4 +1,4 @@
-"""Uploads that were made up: valid meshes of every format, the same with damage, and bytes that are no mesh at all."""
+"""Made-up uploads: valid meshes of every format, the same with damage, and bytes that are not a mesh at all."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def _mesh_files() -> list[tuple[str, bytes]]:
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for mesh in (*(make() for make in shapes().values()), grid(5), soup(20, 30, seed=1)):
-            if not len(mesh.faces):  # points alone are no mesh
+            if not len(mesh.faces):  # points alone are not a mesh
                 continue
             for suffix in _FORMATS:
                 path = Path(folder) / f"mesh{suffix}"

@@ -55,7 +55,7 @@ def test_a_worker_that_is_killed_costs_no_file(tmp_path: Path) -> None:
     [
         ({}, "nothing to host"),
         ({"store": "kept"}, "store and database belong together"),
-        ({"store": "kept", "database": "mysql://host/name"}, "is no database"),
+        ({"store": "kept", "database": "mysql://host/name"}, "is not a database"),
         ({"store": "kept", "database": "postgresql://me:word@host/name"}, "set MESHTIDE_DATABASE instead"),
         ({"data": "kept", "bits": 99}, "bits"),
         ({"data": "kept", "profile": "best"}, "profile"),

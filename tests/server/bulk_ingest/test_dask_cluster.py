@@ -91,7 +91,7 @@ async def test_a_cluster_without_workers_is_told(tmp_path: Path) -> None:
 async def test_what_is_no_scheduler_is_told() -> None:
     with pytest.raises(TransferError, match="there is no Dask scheduler at tcp://127.0.0.1:9"):
         await DaskCluster.connect("tcp://127.0.0.1:9", 0.5)
-    with pytest.raises(OptionError, match="is no address of a Dask scheduler"):
+    with pytest.raises(OptionError, match="is not an address of a Dask scheduler"):
         await DaskCluster.connect("carrier-pigeon://roof", 0.5)
 
 

@@ -46,7 +46,7 @@ async def test_one_process_stores_streams_reports_failures_and_goes_on(
 ) -> None:
     good, bad, changed = (tmp_path / name for name in ("good.obj", "bad.obj", "changed.obj"))
     good.write_text(tetrahedron)
-    bad.write_text("this is no mesh")
+    bad.write_text("this is not a mesh")
     changed.write_text(tetrahedron)
 
     stages: list[str] = []

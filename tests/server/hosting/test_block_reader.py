@@ -155,7 +155,7 @@ async def test_a_store_that_dies_ends_in_an_error_and_comes_back(monkeypatch: py
         await opened.read(middle, blocks.size)
     await store.put(KEY, WHOLE[:-1])
     opened = blocks.open()
-    with pytest.raises(DamagedObjectError, match="is damaged: bytes .* are no range of"):
+    with pytest.raises(DamagedObjectError, match="is damaged: bytes .* are not a range of"):
         await opened.read(middle, blocks.size)
 
 

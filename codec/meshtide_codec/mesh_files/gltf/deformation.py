@@ -81,7 +81,7 @@ def _joints(document: Document, accessors: Accessors, skin: int, node: int, node
     where = f"skins[{skin}]"
     joints = integers(row, "joints", where)
     if not joints or max(joints) >= nodes:
-        raise MeshFileError(f"{where} has joints that are no nodes")
+        raise MeshFileError(f"{where} has joints that are not nodes")
     inverse = optional(row, "inverseBindMatrices", where)
     if inverse is None:
         return joints, np.broadcast_to(IDENTITY, (len(joints), 4, 4))

@@ -39,7 +39,7 @@ class Document:
         """One of its lists of objects, such as its nodes; empty where it has none.
 
         Raises:
-            MeshFileError: it is no list of objects, or endless.
+            MeshFileError: it is not a list of objects, or endless.
         """
         if name not in self._lists:
             self._lists[name] = rows(self.root, name, "the file")
@@ -74,11 +74,11 @@ def parsed(text: bytes | memoryview, limits: FileLimits) -> Document:
         place = f"line {error.lineno}, column {error.colno}"
         raise MeshFileError(f"the JSON cannot be read: {place} is not as JSON asks") from error
     except UnicodeDecodeError as error:
-        raise MeshFileError(f"the JSON cannot be read: byte {error.start} is no text in {error.encoding}") from error
+        raise MeshFileError(f"the JSON cannot be read: byte {error.start} is not text in {error.encoding}") from error
     except ValueError as error:
         raise MeshFileError("the JSON cannot be read: a number in it is too long") from error
     if not isinstance(root, dict):
-        raise MeshFileError("the JSON is not an object, so this is no glTF file")
+        raise MeshFileError("the JSON is not an object, so this is not a glTF file")
     _check_version(root)
     return Document(root)
 
@@ -89,7 +89,7 @@ def _check_version(root: Row) -> None:
         version = asset.get(key, "2.0")
         words = version.split(".") if isinstance(version, str) else []
         if not words or not all(word.isdecimal() and len(word) < 9 for word in words):
-            raise MeshFileError(f"asset.{key} is no version: {shown(version)}")
+            raise MeshFileError(f"asset.{key} is not a version: {shown(version)}")
         newer = key == "minVersion" and int(words[0]) == 2 and any(int(word) for word in words[1:])
         if int(words[0]) != 2 or newer:
             raise MeshFileError(f"the file is of glTF {version}; version 2.0 is read. Convert it")
@@ -193,7 +193,7 @@ def numbers(row: Mapping[str, Any], key: str, where: str, default: Sequence[floa
 def _number(value: object, key: str, where: str) -> float:
     if (type(value) is float or type(value) is int) and -1e300 < value < 1e300:  # no bool, which is an int as well
         return float(value)
-    raise MeshFileError(f"{key} of {where} holds what is no finite number: {shown(value)}")
+    raise MeshFileError(f"{key} of {where} holds what is not a finite number: {shown(value)}")
 
 
 def names(row: Mapping[str, Any], key: str) -> list[str]:

@@ -59,7 +59,7 @@ def counts(data: bytes) -> tuple[int, int]:
     major, minor, kind, method = reader.taken(4)
     flags = int.from_bytes(reader.taken(2), "little")
     if kind != 1 or method > 1 or major not in {1, 2}:
-        raise MeshFileError(f"a stream of {DRACO} is no mesh, or of unknown version {major}.{minor}")
+        raise MeshFileError(f"a stream of {DRACO} is not a mesh, or of unknown version {major}.{minor}")
     if flags & _METADATA:
         reader.skip_metadata()
     version = (major, minor)

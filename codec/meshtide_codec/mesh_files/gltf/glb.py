@@ -25,7 +25,7 @@ class Frame:
     Args:
         text: its JSON, as bytes.
         binary: the bytes of its first buffer; None where it has no such chunk.
-        rest: bytes after the end that its header tells.
+        rest: bytes after the end that its header gives.
     """
 
     text: bytes

@@ -1,7 +1,7 @@
 """Materials and images of a glTF file: kept as they are, never decoded; and the rest of its JSON.
 
 Format: Khronos, "glTF 2.0 Specification", sections 3.8 (textures, images) and 3.9 (materials). An image that cannot be
-had costs the mesh nothing: it is told, and stays empty.
+had costs the mesh nothing: it is reported, and stays empty.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def materials(document: Document) -> tuple[Material, ...]:
 
 
 def images(document: Document, buffers: Buffers, source: Source, limits: FileLimits) -> tuple[Image, ...]:
-    """The images of a file; what cannot be had is told and stays empty.
+    """The images of a file; what cannot be had is reported and stays empty.
 
     Views of images do not lie over one another, so all of them take no more than the buffers.
 

@@ -109,7 +109,7 @@ def _check(found: Packed, place: str) -> None:
     if not fits:
         raise MeshFileError(f"{place}: {found.mode} with filter {found.filter} have no stride of {found.stride} bytes")
     if found.mode == "TRIANGLES" and found.count % 3:
-        raise MeshFileError(f"{place}: {found.count} indices are no whole triangles")
+        raise MeshFileError(f"{place}: {found.count} indices are not whole triangles")
 
 
 def is_fallback(buffer: Mapping[str, Any], where: str) -> bool:

@@ -55,7 +55,7 @@ def exponential(rows: Bytes) -> Bytes:
 
 
 def color(rows: Bytes) -> Bytes:
-    """Colours of YCoCg with an alpha whose highest bit tells the number of bits; rows of 4 or 8 bytes."""
+    """Colours of YCoCg with an alpha whose highest bit gives the number of bits; rows of 4 or 8 bytes."""
     unsigned = np.dtype("<u1" if rows.shape[1] == 4 else "<u2")
     signed = rows.view("<i1" if rows.shape[1] == 4 else "<i2").astype(np.int64)
     plain = rows.view(unsigned).astype(np.int64)

@@ -181,7 +181,7 @@ def _falls_back(accessors: Accessors, attributes: Mapping[str, int], indices: in
 def _index_count(accessors: Accessors, indices: int, where: str) -> int:
     form = accessors.form(indices, where)
     if form.shape != "SCALAR" or form.dtype.kind != "u":
-        raise MeshFileError(f"accessors[{indices}], the indices of {where}, are no unsigned integers")
+        raise MeshFileError(f"accessors[{indices}], the indices of {where}, are not unsigned integers")
     if not form.backed:
         raise MeshFileError(f"accessors[{indices}], the indices of {where}, has no bytes behind it")
     return form.count

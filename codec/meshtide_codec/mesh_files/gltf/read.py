@@ -79,11 +79,13 @@ def read_gltf(source: Source, limits: FileLimits) -> Scene:
 
 def _tell(plan: Plan, document: Document, source: Source) -> None:
     left = [(plan.lines, "lines"), (plan.points, "points")]
-    told = ", ".join(f"{name} ({count} {'primitive' if count == 1 else 'primitives'})" for count, name in left if count)
+    others = ", ".join(
+        f"{name} ({count} {'primitive' if count == 1 else 'primitives'})" for count, name in left if count
+    )
     if not any(plan.meshes):
-        raise MeshFileError(f"there are no triangles in it, only {told}" if told else "there are no meshes in it")
-    if told:
-        source.note(f"{told}: left out")
+        raise MeshFileError(f"there are no triangles in it, only {others}" if others else "there are no meshes in it")
+    if others:
+        source.note(f"{others}: left out")
     if plan.extensions:
         source.note(f"extensions of primitives ({', '.join(ascii(name)[1:-1] for name in plan.extensions)}): left out")
     animations = len(document.rows("animations"))

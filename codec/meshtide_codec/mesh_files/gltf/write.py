@@ -54,7 +54,7 @@ _PICTURES = {"image/png": ".png", "image/jpeg": ".jpg", "image/webp": ".webp", "
 def write_gltf(scene: Scene, name: str) -> Written:
     """A scene as GLB or glTF, by the suffix of its name.
 
-    Wedges become vertices, polygons triangles, positions 32-bit floats; what that loses is told.
+    Wedges become vertices, polygons triangles, positions 32-bit floats; what that loses is reported.
 
     Raises:
         MeshFileError: there is nothing in it, or something that glTF cannot hold.

@@ -48,7 +48,7 @@ class Part:
 
 @dataclass(slots=True)
 class Losses:
-    """What glTF cannot hold of the meshes that are written, told once for all of them.
+    """What glTF cannot hold of the meshes that are written, reported once for all of them.
 
     Args:
         attributes: that are left out.
@@ -70,8 +70,8 @@ class Losses:
 
     def notes(self) -> tuple[str, ...]:
         """A line each."""
-        told = (f"{name}: rounded to 32-bit floats, by {error:.3g} at most" for name, error in self.rounding.items())
-        return (*self.lines, *told)
+        rounded = (f"{name}: rounded to 32-bit floats, by {error:.3g} at most" for name, error in self.rounding.items())
+        return (*self.lines, *rounded)
 
 
 def parts(mesh: Mesh, where: str, losses: Losses) -> list[Part]:
@@ -104,7 +104,7 @@ def _positions(mesh: Mesh, where: str, losses: Losses) -> NDArray[np.float32]:
         positions = mesh.vertices.astype(np.float32)
     bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
     if len(bad):
-        raise MeshFileError(f"vertex {bad[0]} of {where} is no number of 32 bits: {mesh.vertices[bad[0]].tolist()}")
+        raise MeshFileError(f"vertex {bad[0]} of {where} is not a number of 32 bits: {mesh.vertices[bad[0]].tolist()}")
     losses.rounded("positions", mesh.vertices, positions)
     return positions
 

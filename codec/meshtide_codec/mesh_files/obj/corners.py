@@ -1,6 +1,6 @@
 """The corners of OBJ faces, `v`, `v/vt`, `v//vn` or `v/vt/vn`, from text to arrays of indices, many at a time.
 
-Each run of digits in the text is the first, second or third index of a corner, told by what stands before it: a blank,
+Each run of digits in the text is the first, second or third index of a corner, by what stands before it: a blank,
 one slash or two. Cost: linear in the text.
 """
 
@@ -46,7 +46,7 @@ def read_corners(text: NDArray[np.uint8]) -> Corners:
     """The corners in a padded text of nothing else; slashes that nothing follows are blanked in it.
 
     Raises:
-        NotANumber: a word is no corner.
+        NotANumber: a word is not a corner.
         ZeroIndexError: an index is 0.
 
     >>> from meshtide_codec.mesh_files.text_numbers import padded
@@ -129,7 +129,7 @@ def _blank_last_slashes(text: NDArray[np.uint8]) -> None:
 
 
 def _first_bad_word(text: NDArray[np.uint8]) -> int:
-    """Where the first word begins that is no corner: of the text's halves always the one that has it is looked at."""
+    """Where the first word begins that is not a corner, found by halving the text."""
     edges = np.flatnonzero((text[1:] > BLANK) & (text[:-1] <= BLANK)) + 1
     bounds = np.append(edges, len(text))
     low, high = 0, len(edges)

@@ -123,7 +123,7 @@ def blocks(data: bytes) -> Iterator[Block]:
     """The lines of a text from `plain_text`, none left out, none cut.
 
     Raises:
-        MeshFileError: a line has no end, or a very late one, or a control byte in what is no comment and no name.
+        MeshFileError: a line has no end or one too far away, or a control byte outside comments and names.
     """
     start = 0
     line = 1

@@ -64,7 +64,7 @@ class Materials:
 
 
 def read_materials(source: Source, limits: FileLimits, libraries: Sequence[bytes], used: Sequence[bytes]) -> Materials:
-    """Read the material files beside a mesh file; what is missing or lies elsewhere is told.
+    """Read the material files beside a mesh file; what is missing or lies elsewhere is reported.
 
     Args:
         source: the mesh file.
@@ -94,7 +94,7 @@ def read_materials(source: Source, limits: FileLimits, libraries: Sequence[bytes
     unknown = [shown_name(name) for name in used if name not in declared]
     if unknown and not folder.left_out:
         source.note(f"materials that no material file describes: {len(unknown)} ({_listed(unknown)})")
-    folder.tell()
+    folder.report()
     rows = {name: row for row, name in enumerate(names)}
     return Materials(tuple(materials), tuple(folder.images), tuple(folder.textures), rows)
 
@@ -129,7 +129,7 @@ def _without_damaged_lines(text: bytes) -> tuple[bytes, int]:
 
 
 class _Folder:
-    """The files beside a mesh file: looked for once, and told of once."""
+    """The files beside a mesh file: looked for once, and reported once."""
 
     def __init__(self, source: Source, limits: FileLimits) -> None:
         self._source = source
@@ -192,8 +192,8 @@ class _Folder:
             self._refused.append(reference)
             return None
 
-    def tell(self) -> None:
-        """Tell what was missing or refused, a line for each kind."""
+    def report(self) -> None:
+        """Report what was missing or refused, a line for each kind."""
         for what, names in (
             ("material files that are missing", self._missing_libraries),
             ("images that are missing", self._missing_images),

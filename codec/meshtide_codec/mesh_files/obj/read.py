@@ -170,7 +170,7 @@ class _Reading:
         return rows.astype(np.int32)
 
     def finish(self, text: bytes, source: Source) -> None:
-        """Check what can be told only at the end, and tell what a person should know.
+        """Check what can be known only at the end, and report what a person should know.
 
         Raises:
             MeshFileError: there are no vertices, or a face names one that is not there.
@@ -184,7 +184,7 @@ class _Reading:
             source.note("the last line has no end: the file may be cut short")
         if self._crowded:
             source.note(f"vertices with 5, 8 or more numbers: {self._crowded}; of 5 the first 3 are read, of others 7")
-        self.statements.tell(source)
+        self.statements.report(source)
 
 
 def _positions_and_colors(

@@ -80,8 +80,8 @@ class Statements:
         """The name of the first object, or nothing."""
         return shown_name(next((name for _, name in self._spans["object"]), b""))
 
-    def tell(self, source: Source) -> None:
-        """Tell, in one line, what was not read."""
+    def report(self, source: Source) -> None:
+        """Report, in one line, what was not read."""
         parts = [f"{count} {what}" for what, count in self._left_out.items() if what != _OTHERS]
         if self._left_out[_OTHERS]:
             parts.append(f"{self._left_out[_OTHERS]} {_OTHERS} (the first is {self._other!r})")

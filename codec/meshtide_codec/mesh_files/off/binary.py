@@ -2,7 +2,7 @@
 
 Format: Geomview manual, "Binary format": the bytes follow the line that ends with BINARY; behind the corners of each
 face stands how many values its colour has, then these, as floats. A vertex's colour has four values; three are tried
-where the faces make no sense after four. Bytes behind the last face are told.
+where the faces make no sense after four. Bytes behind the last face are reported.
 """
 
 from __future__ import annotations

@@ -158,7 +158,7 @@ def _face_colors(rows: OffRows, polygon: NDArray[np.int64], notes: list[str]) ->
             values = values.astype(np.int32)
             attributes.append(_of_faces(COLOR_INDEX, Kind.LABEL, values, indexed, len(rows.counts), polygon))
         else:
-            notes.append("rows of a colour map are no whole numbers: left out")
+            notes.append("rows of a colour map are not whole numbers: left out")
     return attributes
 
 

@@ -29,7 +29,7 @@ class OffKeyword:
         color: three or four values of a colour (C).
         normal: a normal (N).
         homogeneous: a fourth component of the position, which divides the others (4).
-        dimension: that a word tells the dimension of the positions (n).
+        dimension: whether a word gives the dimension of the positions (n).
     """
 
     texture: bool = False
@@ -79,7 +79,7 @@ def check_triangles(counts: NDArray[np.int64], limits: FileLimits) -> None:
 def check_corners(
     counts: NDArray[np.int64], corners: NDArray[np.int64], vertices: int, place: Callable[[int], str]
 ) -> None:
-    """Hold the corners of faces against the number of vertices; `place` tells where a face stands.
+    """Check the corners of faces against the number of vertices; `place` says where a face stands.
 
     Raises:
         MeshFileError: one names a vertex that is not there; the first such face is named.
@@ -93,7 +93,7 @@ def check_corners(
 
 
 def pieces(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The numbers from each start on, so many as its count tells, one run after the other.
+    """The numbers from each start on, as many as its count says, one run after the other.
 
     >>> pieces(np.array([10, 20]), np.array([2, 3])).tolist()
     [10, 11, 20, 21, 22]

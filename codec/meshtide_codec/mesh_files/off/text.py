@@ -2,18 +2,18 @@
 
 How the rows are found:
 
-1. *Vertices.* Where each vertex has a line of its own, all of one length, that length tells whether a colour of three
+1. *Vertices.* Where each vertex has a line of its own, all of one length, that length shows whether a colour of three
    or four values stands on it, announced by the keyword or not (many programs write colours into plain OFF files).
-   Otherwise the vertices are words, as many as the keyword tells; an announced colour has four of them, or three
+   Otherwise the vertices are words, as many as the keyword says; an announced colour has four of them, or three
    where the faces make no sense after four.
 2. *Faces.* Where they begin with a line, a colour ends with its line: what follows the last corner on the corner's
    line is the face's colour, if all faces are complete then and each has 0, 1, 3 or 4 such words. Otherwise nothing
    is a colour and each face follows the last corner of the one before it, wherever lines end, to the last word. If
-   that fails too and each face has a line, what follows its corners is left out, which is told.
+   that fails too and each face has a line, what follows its corners is left out, and reported.
 3. The number of edges, which has no use, may be missing where the counts stand on a line of their own.
 
 The first way that gives as many faces as declared, with all corners in range, is taken; if none does, the error is
-that of the first. What follows the last face is left out, which is told.
+that of the first. What follows the last face is left out, and reported.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def read_text_rows(text: bytes, offset: int, keyword: OffKeyword, limits: FileLi
     counts = _COUNTS.match(text, offset)
     if counts is None:
         line = text.count(b"\n", 0, offset) + 1
-        raise MeshFileError(f"line {line} or the next: the OFF file does not tell its numbers of vertices and faces")
+        raise MeshFileError(f"line {line} or the next: the OFF file does not say how many vertices and faces it has")
     refuse_control(text, counts.end())
     vertices, faces = int(counts[1]), int(counts[3])
     limits.check_counts(vertices, faces)
@@ -157,13 +157,15 @@ def _rows(
     table = words.numbers(skipped, behind)
     if not uniform:
         table = table[(first[:vertices, None] - skipped) + np.arange(width)]
-        notes.append(f"lines of vertices have more than the {width} words that the keyword tells: the rest is left out")
+        notes.append(
+            f"lines of vertices have more than the {width} words that the keyword announces: the rest is left out"
+        )
     table = table.reshape(vertices, width)
     colors = width - keyword.width
     if colors not in {0, 3, 4}:
         place = 3 + keyword.homogeneous + 3 * keyword.normal
         table = np.delete(table, np.s_[place : place + colors], axis=1)
-        notes.append(f"each vertex has {colors} values that are no colour: left out")
+        notes.append(f"each vertex has {colors} values that are not a colour: left out")
         colors = 0
     counts, corners, color_counts, color_values = _faces(words, behind, faces, vertices, limits, notes)
     return OffRows(table, colors, counts, corners, color_counts, color_values, tuple(notes))
@@ -174,7 +176,7 @@ def _faces(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Corners of each face, all corners, values of each face's colour, all of these."""
     values = words.leading(start, words.count)
-    stop = start + len(values)  # what is no number may stand behind the last face
+    stop = start + len(values)  # what is not a number may stand behind the last face
     breaks = words.first[(words.first > start) & (words.first < stop)].astype(np.int64) - start
     lines = np.concatenate([np.zeros(min(1, len(values)), np.int64), breaks])
 
@@ -203,7 +205,7 @@ def _faces(
     end = int(begins[-1] + 1 + counts[-1] + color_counts[-1]) if faces else 0
     kept = np.isin(color_counts, _COLOR_SIZES)
     if not kept.all():
-        notes.append(f"{int((~kept).sum())} faces have something behind their corners that is no colour: left out")
+        notes.append(f"{int((~kept).sum())} faces have something behind their corners that is not a colour: left out")
         color_counts = np.where(kept, color_counts, 0)
     colors = values[pieces(begins + 1 + counts, color_counts)].astype(np.float64)
     if start + end < words.count:
@@ -245,7 +247,7 @@ def _by_longer_lines(values: _Values, lines: NDArray[np.int64], faces: int) -> _
     rest = ends - begins - 1 - counts
     short = np.flatnonzero((rest < 0) | (counts < 1))
     if len(short) and len(lines) == faces:
-        raise MeshFileError(f"face {short[0]} of the OFF file has fewer corners than it tells, or none")
+        raise MeshFileError(f"face {short[0]} of the OFF file has fewer corners than it announces, or none")
     if len(short):
         raise _OtherwiseError
     return begins, counts, rest
@@ -300,5 +302,7 @@ def _whole(values: _Values) -> NDArray[np.int64]:
         with np.errstate(invalid="ignore"):
             bad = np.flatnonzero(~(np.abs(values) < 1 << 53) | (values % 1 != 0))
         if len(bad):
-            raise MeshFileError(f"a face of the OFF file has {values[bad[0]]} for a corner, which is no whole number")
+            raise MeshFileError(
+                f"a face of the OFF file has {values[bad[0]]} for a corner, which is not a whole number"
+            )
     return values.astype(np.int64)

@@ -90,7 +90,7 @@ def faces_of(
         place: of a row, for messages.
 
     Raises:
-        MeshFileError: no list tells the vertices, a vertex is none of the mesh, or there are too many.
+        MeshFileError: no list names the vertices, an index is out of range, or there are too many.
     """
     name = index_list(columns, "face")
     counts = columns.lists[name].counts
@@ -128,7 +128,7 @@ def _textures(attributes: list[Attribute]) -> NDArray[np.int64] | None:
 
 
 def index_list(columns: Columns, element: str) -> str:
-    """The name of the list that tells the vertices of a face or a strip.
+    """The name of the list that holds the vertices of a face or a strip.
 
     Raises:
         MeshFileError: there is none.
@@ -154,7 +154,7 @@ def indices_of(column: ListColumn, count: int, place: Callable[[int], str], rest
         Signed integers: int64, but of lists of several lengths int32 where that is enough.
 
     Raises:
-        MeshFileError: an item is no index of a vertex.
+        MeshFileError: an item is not an index of a vertex.
     """
     items = column.items
     few = items.ndim == 1 and items.dtype.kind in "iu" and items.dtype.itemsize <= 4
@@ -198,7 +198,7 @@ def triangles_of_strips(
         place: of a row, for messages.
 
     Raises:
-        MeshFileError: no list tells the vertices, a vertex is none of the mesh, or there are too many.
+        MeshFileError: no list names the vertices, an index is out of range, or there are too many.
     """
     column = columns.lists[index_list(columns, "tristrips")]
     items = indices_of(column, vertices, place, _NO_VERTEX).reshape(-1)

@@ -147,7 +147,7 @@ def read_header(data: bytes | memoryview) -> PlyHeader:
                 raise MeshFileError("it does not begin with the word ply: not a PLY file")
             case ["end_header"]:
                 if order is None:
-                    raise MeshFileError("the PLY header does not tell a format: ascii or binary")
+                    raise MeshFileError("the PLY header does not name a format: ascii or binary")
                 _check_names(elements)
                 return PlyHeader(order, tuple(elements), tuple(comments), end, tuple(notes))
             case ["format", encoding, *_] if order is None and encoding.lower() in _ORDERS:
@@ -188,14 +188,14 @@ def _text(line: bytes) -> str:
 
 
 def _comment(line: str, number: int, notes: list[str]) -> list[str]:
-    """What a line that declares nothing says; one that lacks the word for it is told."""
+    """What a line that declares nothing says; one without its first word is reported."""
     word = line.split(maxsplit=1)[:1]
     if not word:
         return []
     if word[0].lower() == "comment":
         return [line[len("comment") :].strip()]
     if word[0].lower() != "obj_info":
-        notes.append(f"line {number} of the header is no comment, but read as one: {line[:_SHOWN]!r}")
+        notes.append(f"line {number} of the header is not a comment, but read as one: {line[:_SHOWN]!r}")
     return [line]
 
 
@@ -218,7 +218,7 @@ def _count(text: str) -> int:
 
 
 def _property(kinds: list[str], name: str) -> PlyProperty | None:
-    """The property of those types, or None if they are no types."""
+    """The property of those types, or None if they are not types."""
     types = [TYPES.get(kind.lower()) for kind in kinds]
     match kinds, types:
         case [[_], [str(item)]]:

@@ -154,7 +154,7 @@ class _Body:
         return columns
 
     def finish(self) -> None:
-        """Tell what stands after the last row."""
+        """Report what stands after the last row."""
         rest = len(self._source.content) - self._at if self._text is None else self._text.rest()
         if rest:
             self._source.note(f"{rest} bytes after the last row: not read")

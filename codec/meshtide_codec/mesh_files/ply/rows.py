@@ -251,7 +251,7 @@ class RowReader:
         """The values in the type that the header declares; as they are, where it does not hold them."""
         if values.dtype.newbyteorder("=") == kind:
             return values  # in the order of the file: whoever copies them turns them round on the way
-        with np.errstate(all="ignore"):  # a number that float does not hold becomes infinite, which is told later
+        with np.errstate(all="ignore"):  # a number beyond float becomes infinite, which is reported later
             declared = values.astype(kind)
             if kind.kind == "f":
                 return declared

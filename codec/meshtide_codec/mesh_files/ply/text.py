@@ -48,7 +48,7 @@ class PlyText:
         """Take all rows of an element; they begin where those of the one before it ended.
 
         Raises:
-            MeshFileError: they are fewer than declared, or a word is no number.
+            MeshFileError: they are fewer than declared, or a word is not a number.
         """
         types = [kind for one in element.properties for kind in (one.item, one.length) if kind is not None]
         kind: np.dtype[Any] = np.dtype(np.int64 if all(each.kind in "iu" for each in types) else np.float64)
@@ -58,7 +58,7 @@ class PlyText:
         while reader.left:
             begin, end = self.at, self._cut(self.at + size)
             new, starts = self._parsed(begin, end, kind)
-            if new.dtype != kind:  # a word that is no integer: from here on all are doubles
+            if new.dtype != kind:  # a word that is not an integer: from here on all are doubles
                 kind = new.dtype
                 reader.stored = _stored(element, kind)
             words = np.concatenate([words.astype(kind, copy=False), new])
@@ -75,8 +75,8 @@ class PlyText:
     def _refuse(self, place: int) -> NoReturn:
         word = self._data[place : self._cut(place)]
         shown = word[:_SHOWN].decode("ascii", "replace")
-        told = "has a control byte and " if CONTROL.search(word) else ""
-        raise MeshFileError(f"line {self._line_at(place)}: {shown!r} {told}is no number")
+        control = "has a control byte and " if CONTROL.search(word) else ""
+        raise MeshFileError(f"line {self._line_at(place)}: {shown!r} {control}is not a number")
 
     def rest(self) -> int:
         """How many bytes follow the last row, but for blanks."""

@@ -69,7 +69,7 @@ class _Rows:
     columns: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     def add(self, name: str, values: NDArray[Any]) -> None:
-        """Add a property under its name, or one like it where that is taken or is no word."""
+        """Add a property under its name, or one like it where that is taken or is not a word."""
         own = _UNFIT.sub("_", name) or "value"
         while own in self.columns or own.lower() in (*POSITION, *_LISTS):
             own += "_"
@@ -161,7 +161,7 @@ class _Outlines:
 
     @classmethod
     def of(cls, mesh: Mesh) -> _Outlines:
-        """Those of a mesh; its triangles, where it tells of no others."""
+        """Those of a mesh; its triangles, where it holds no others."""
         count = len(mesh.faces)
         if mesh.polygons is None or not mesh.polygons.any():
             return cls(np.full(count, 3), np.arange(3 * count), np.arange(count), whole=True)
@@ -326,7 +326,7 @@ def _face_rows(lists: Sequence[_Lists], faces: _Rows) -> tuple[list[str], bytes]
 
 
 def _place(rows: bytearray, at: NDArray[np.int64], values: NDArray[Any]) -> int:
-    """Put values at these places, and tell the bytes of one."""
+    """Put values at these places; returns the bytes of one."""
     size = values.dtype.itemsize
     if len(values):
         np.ndarray(len(rows) - size + 1, values.dtype, rows, strides=(1,))[at] = values

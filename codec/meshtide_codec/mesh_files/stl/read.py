@@ -1,7 +1,7 @@
 """STL files: triangles without shared corners, in binary or text form; corners at one position become one vertex.
 
 Format: 3D Systems, "StereoLithography Interface Specification" (1989). Binary: 80 bytes of anything, the number of
-facets, 50 bytes for each: normal, three corners, two bytes. The size tells the kinds apart, since binary files may
+facets, 50 bytes for each: normal, three corners, two bytes. The size tells the two kinds apart, since binary files may
 begin with "solid" as well: what is as long as its count asks for is binary; what begins with "solid" and has no zero
 byte near its head, or a facet there, or is in UTF-16 or UTF-32, is text; all else is binary with bytes behind its
 facets, or cut short.
@@ -92,7 +92,7 @@ def _mesh(corners: NDArray[np.floating], attributes: tuple[Attribute, ...]) -> M
 
 
 def _colors(extra: NDArray[np.uint16], head: bytes) -> tuple[tuple[Attribute, ...], str]:
-    """The colours of facets, and what to say of two bytes that are no colour."""
+    """The colours of facets, and what to say of two bytes that are not a colour."""
     if not extra.any():
         return (), ""
     fifths = np.stack([extra & 31, extra >> 5 & 31, extra >> 10 & 31], axis=1)

@@ -3,7 +3,7 @@
 Words may be of any case and stand on lines as they like. A facet has three vertices; "outer loop", "endloop",
 "endfacet" and normals (which may be nan) are passed over, so that files without them are read. The last solid must be
 ended by "endsolid": without it the file is taken for cut short. The rest of a line that begins with "solid" or
-"endsolid" is a name, unless a facet follows on it. Other words are told. All is found by comparing bytes as arrays.
+"endsolid" is a name, unless a facet follows on it. Other words are reported. All is found by comparing bytes as arrays.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _IN_A_FACET = np.frombuffer(b"fnolvvvee", np.uint8)
 
 
 def read_text_corners(data: bytes, limits: FileLimits) -> tuple[NDArray[np.float64], list[str]]:
-    """The corners (3 m, 3) of all facets, and what should be told.
+    """The corners (3 m, 3) of all facets, and notes for the person who reads the file.
 
     Raises:
         MeshFileError: a facet has not three vertices, a vertex not three numbers, the end is missing, or there is
@@ -46,7 +46,7 @@ def read_text_corners(data: bytes, limits: FileLimits) -> tuple[NDArray[np.float
     begins[1:] &= raw[:-1] <= BLANK
     starts: NDArray[np.signedinteger] = np.flatnonzero(begins).astype(np.int32 if len(raw) < _INT32 else np.int64)
     del begins
-    letters = np.flatnonzero(~_NUMBER_STARTS[raw[starts]])  # words that are no numbers, but nan and inf
+    letters = np.flatnonzero(~_NUMBER_STARTS[raw[starts]])  # words that are not numbers, but nan and inf
     vertex, facet = _are(raw, starts[letters], b"vertex"), _are(raw, starts[letters], b"facet")
     corners, facets = int(vertex.sum()), int(facet.sum())
     limits.check_counts(corners, facets)
@@ -110,7 +110,7 @@ def _other_words(raw: NDArray[np.uint8], words: NDArray[np.signedinteger]) -> li
     if len(words) == 0:
         return []
     shown = raw[words[0] : words[0] + 40].tobytes().split()[0].decode("ascii", "replace")
-    return [f"{len(words)} words are no part of the format, such as {shown!r}: left out"]
+    return [f"{len(words)} words are not part of the format, such as {shown!r}: left out"]
 
 
 def _numbers(

@@ -133,5 +133,5 @@ async def test_pages_may_do_what_the_settings_say(folder: Path, methods: str, ex
 
 
 async def test_methods_and_headers_have_names() -> None:
-    with pytest.raises(ValueError, match="is no name of a method or header"):
+    with pytest.raises(ValueError, match="is not a name of a method or header"):
         Settings(samples=True, allowed_methods="GET, P\r\nUT")
