@@ -33,6 +33,7 @@ lint: $(VENV)/test.done ## Linter, formatter and type checker.
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy tests/bench tools
+	$(BIN)/lint-imports --no-logo
 
 test: lint ## Linters, types and all tests.
 	$(BIN)/pytest -n auto --dist loadfile

@@ -16,19 +16,19 @@ import numpy as np
 
 from meshtide_codec.classic.level_coding import LevelEncoder, encode_param
 from meshtide_codec.classic.options import ClassicHeader
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.octree_encoder import OctreeEncoder
 from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.compact.previews import Preview, make_previews
 from meshtide_codec.decoder import Decoder
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import StreamError
 from meshtide_codec.filters import KINDS, FilterSpec, coefficient_count
 from meshtide_codec.mesh import canonical_faces
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.reference import reference_levels
 from meshtide_codec.reference.header import read_header
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
-from meshtide_codec.stream.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -16,9 +16,9 @@ from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import LimitError, MeshtideError, PacketError
 from meshtide_codec.filters import FilterSpec
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.quantize import morton_codes
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
-from meshtide_codec.stream.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

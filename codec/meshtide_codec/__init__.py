@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.mesh_files import load_mesh, load_scene, save_mesh, save_scene
     from meshtide_codec.order import Order, in_input_order
+    from meshtide_codec.packets import Packet, PacketKind
     from meshtide_codec.quantize import QuantizedMesh
     from meshtide_codec.samples import load_sample, sample_names
     from meshtide_codec.scene import Scene
     from meshtide_codec.stream.container import ContainerReader, read_available, read_container
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet, PacketKind
 
 _HOMES = {
     "Attribute": "attributes",
@@ -51,8 +51,8 @@ _HOMES = {
     "Mesh": "mesh",
     "MeshtideError": "errors",
     "Order": "order",
-    "Packet": "stream.packets",
-    "PacketKind": "stream.packets",
+    "Packet": "packets",
+    "PacketKind": "packets",
     "QuantizedMesh": "quantize",
     "Scene": "scene",
     "StreamHeader": "stream.header",

@@ -21,18 +21,18 @@ from meshtide_codec.errors import LimitError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.order import Order, read_order
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.quantize import dequantize
 from meshtide_codec.stream.container import read_container
 from meshtide_codec.stream.header import parsed
-from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 
 LARGEST_DIFF = float(1 << 40)

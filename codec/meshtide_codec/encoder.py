@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
     from meshtide_codec.grid import Grid
     from meshtide_codec.mesh import Mesh
+    from meshtide_codec.packets import Packet
     from meshtide_codec.profile import Encoding, Profile
     from meshtide_codec.shown_state import ShownState
-    from meshtide_codec.stream.packets import Packet
 
 DISTANCE_SAMPLES = 4000
 DISTANCE_VERTICES = 8192

@@ -17,7 +17,7 @@ import numpy as np
 from meshtide_codec import core
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
-from meshtide_codec.stream.packets import Packet, PacketKind
+from meshtide_codec.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from dataclasses import Field
 
     from meshtide_codec import core
-    from meshtide_codec.compact.effort import Effort
+    from meshtide_codec.effort import Effort
+    from meshtide_codec.packets import Packet
     from meshtide_codec.quantize import QuantizedMesh
     from meshtide_codec.shown_state import ShownState
-    from meshtide_codec.stream.packets import Packet
 
 
 class Profile(Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from meshtide_codec.compact.effort import Effort
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import OptionError
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from meshtide_codec.compact.effort import Effort
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import OptionError
 from meshtide_codec.limits import FileLimits, Limits
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B

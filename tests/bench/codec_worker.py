@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from large_meshes import wavy_torus
 
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh_files import load_mesh
 

@@ -21,8 +21,8 @@ from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import LimitError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.container import read_container, write_container
-from meshtide_codec.stream.packets import PacketKind
 
 SIDE = 68
 KIBIBYTE = 1024  # what the operating system counts in

@@ -24,8 +24,8 @@ from memory import MEBIBYTE, both
 from start_up import start_up_rows
 from wasm_speed import by_node, native_seconds
 
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.samples import load_sample
 

@@ -40,8 +40,8 @@ from meshtide_codec import core
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.errors import PacketError, StreamError
 from meshtide_codec.limits import Limits
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.stream.container import PREAMBLE_BYTES, read_available, read_container
-from meshtide_codec.stream.packets import Packet, PacketKind
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 LIMITS = Limits(vertices=1 << 16, faces=1 << 17, memory=1 << 27)

@@ -22,9 +22,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from golden_streams import GOLDEN
-from meshtide_codec.compact.effort import Effort
+from meshtide_codec.effort import Effort
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.container import read_container
-from meshtide_codec.stream.packets import PacketKind
 from random_streams import check_agreement, classic_stream, compact_stream, random_mesh, without_some_diffs
 
 WAYS = ("classic", *Effort)

@@ -31,9 +31,9 @@ from meshtide_client.commands.server_process import running_server
 from meshtide_client.download.fetch import fetch
 from meshtide_client.remote.listing import list_meshes
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.mesh import Mesh

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, TypeVar
 from large_meshes import wavy_torus
 
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.samples import load_sample

@@ -13,9 +13,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.samples import load_sample
 

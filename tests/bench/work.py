@@ -16,8 +16,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.samples import load_sample
 

@@ -14,15 +14,15 @@ from meshtide_client.download.download import Download
 from meshtide_client.download.holding import Holding
 from meshtide_client.download.packet_filter import GROUP, NAME, DirectReceiver, find_filter
 from meshtide_codec.errors import OptionError, TransferError
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 from streams import encoded_grid
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from meshtide_codec.limits import Limits
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 ENCODED = encoded_grid()
 HEADER = ENCODED.header

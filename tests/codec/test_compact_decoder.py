@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshes import grid, random_meshes, shapes
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import DISTANCE_SAMPLES, DISTANCE_VERTICES, EncodedMesh, encode
 from meshtide_codec.errors import ContainerError, LimitError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.stream.container import read_available
-from meshtide_codec.stream.packets import Packet, PacketKind
 from streams import check_with_one_damaged_packet, leaf_depths, slice_of
 
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.mirror import Mirror
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import ContainerError, OptionError
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.header import LevelEntry, PacketEntry, StreamHeader
-from meshtide_codec.stream.packets import PacketKind
 
 BITS = 12
 CHOSEN = (3, 4, 5, 6, 7, 8, 9, 10, 15)

@@ -21,9 +21,9 @@ from meshtide_codec.errors import ContainerError, LimitError, PacketError
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.header import StreamHeader, packet_table
-from meshtide_codec.stream.packets import Packet, PacketKind
 from streams import check_with_one_damaged_packet, encoded_grid
 
 SPECS = [

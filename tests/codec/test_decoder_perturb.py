@@ -12,8 +12,8 @@ from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.samples import load_sample
-from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -15,15 +15,15 @@ from hypothesis import strategies as st
 
 from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.profile import Profile
 from meshtide_codec.stream.container import read_container
-from meshtide_codec.stream.packets import PacketKind
 from streams import encoded_grid
 
 

@@ -9,16 +9,16 @@ import pytest
 
 from meshes import grid
 from meshtide_codec.compact import encoder as compact_encoder
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import ContainerError, LimitError, OptionError
 from meshtide_codec.limits import Limits, wanted_limits
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.container import read_container, write_container
 from meshtide_codec.stream.header import StreamHeader
-from meshtide_codec.stream.packets import PacketKind
 
 
 def test_a_mesh_within_the_limits_passes_and_one_over_them_does_not() -> None:

@@ -19,8 +19,8 @@ from meshtide_codec.errors import LimitError, MeshtideError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.order import Order, in_input_order, order_packet, read_order
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.quantize import quantize
-from meshtide_codec.stream.packets import Packet, PacketKind
 
 
 def check_restored(mesh: Mesh, options: CompactOptions | ClassicOptions) -> None:

@@ -14,17 +14,17 @@ import pytest
 from golden_streams import GOLDEN, VARIANTS, tangle
 from meshes import grid, tetrahedron
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
 from meshtide_codec.decoder import decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import ContainerError, PacketError, StreamError, VersionError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.reference import candidates, diff, reference_decode, reference_order
 from meshtide_codec.reference import map as maps
 from meshtide_codec.reference.header import VERSION
 from meshtide_codec.stream.container import PREAMBLE_BYTES, read_container, write_container
-from meshtide_codec.stream.packets import PacketKind
 from random_streams import (
     GridMesh,
     check_agreement,

@@ -4,8 +4,8 @@ import pytest
 
 from meshes import grid, shapes
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.profile import Profile

@@ -7,8 +7,8 @@ import pytest
 
 from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import MeshtideError, OptionError
 from meshtide_codec.profile import Profile

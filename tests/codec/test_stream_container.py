@@ -16,6 +16,7 @@ from meshtide_codec.errors import (
     VersionError,
 )
 from meshtide_codec.limits import Limits
+from meshtide_codec.packets import Packet
 from meshtide_codec.stream.container import (
     MAGIC,
     PREAMBLE_BYTES,
@@ -28,7 +29,6 @@ from meshtide_codec.stream.container import (
     write_container,
 )
 from meshtide_codec.stream.header import FORMAT_VERSION
-from meshtide_codec.stream.packets import Packet
 from streams import MadeUpStream, encoded_grid
 
 STREAM = MadeUpStream((30, 70, 5, 40))

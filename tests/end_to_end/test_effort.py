@@ -28,7 +28,7 @@ from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import TransferError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 from meshtide_lab.link.lossy_link import LossyLink
 from streams import slice_of
 from upload_server import TOKEN, taking_uploads

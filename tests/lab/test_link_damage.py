@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.header import PacketEntry
-from meshtide_codec.stream.packets import PacketKind
 from meshtide_lab.link.damage import DISTRIBUTIONS, BitErrors, Noise, flipped
 from meshtide_lab.link.traffic import DAMAGE, Fate
 

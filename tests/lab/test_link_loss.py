@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshtide_codec.errors import OptionError
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.header import PacketEntry
-from meshtide_codec.stream.packets import PacketKind
 from meshtide_lab.link.loss import Drop, GilbertElliott, IndependentLoss, loss_runs
 from meshtide_lab.link.traffic import Fate, LinkModel
 

@@ -15,8 +15,8 @@ from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import OptionError
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.samples import load_sample
-from meshtide_codec.stream.packets import PacketKind
 from meshtide_lab.link.fidelity import StreamMeter
 from meshtide_lab.link.lossy_link import UNDECODABLE, LossyLink, LossyReceiver, lossy_filter, receive
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from meshtide_codec.errors import OptionError
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 from meshtide_lab.link.damage import BitErrors, Noise
 from meshtide_lab.link.loss import Drop, GilbertElliott
 from meshtide_lab.link.syntax import parse_models, parse_unprotected

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.header import PacketEntry
-from meshtide_codec.stream.packets import PacketKind
 from meshtide_lab.link.timing import Bandwidth, Deadline, Delay, Jitter
 from meshtide_lab.link.traffic import Fate
 

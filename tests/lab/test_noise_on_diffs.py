@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from meshtide_codec.classic.difference_statistics import difference_statistics
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.filters import FilterSpec
+from meshtide_codec.report.difference_statistics import difference_statistics
 from meshtide_codec.samples import load_sample
 from meshtide_lab.link.fidelity import StreamMeter
 from meshtide_lab.link.lossy_link import LossyLink, receive

@@ -7,9 +7,9 @@ from random import Random
 
 from meshtide_codec.classic.options import ClassicHeader
 from meshtide_codec.filters import FilterSpec
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
-from meshtide_codec.stream.packets import Packet, PacketKind
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 

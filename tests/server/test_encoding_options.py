@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshtide_codec.compact.effort import Effort
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import OptionError
 from meshtide_server.encoding_options import EncodingOptions
 

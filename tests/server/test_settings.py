@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from meshtide_codec.compact.effort import Effort
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import OptionError
 from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.settings import Settings

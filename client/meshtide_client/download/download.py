@@ -20,8 +20,8 @@ from meshtide_client.download.decoding_thread import DecodingThread
 from meshtide_client.download.levels import ReceivedLevel
 from meshtide_client.download.packet_filter import DirectReceiver
 from meshtide_codec.errors import ContainerError, TransferError
+from meshtide_codec.packets import LARGEST_LEVEL
 from meshtide_codec.stream.container import PREAMBLE_BYTES
-from meshtide_codec.stream.packets import LARGEST_LEVEL
 from meshtide_codec.stream.plain_values import LARGEST_INTEGER
 from meshtide_codec.stream.session import HeaderEvent, PacketEvent, Until
 
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from meshtide_client.download.holding import Holding
     from meshtide_client.download.packet_filter import FilterReport, PacketFilter, Receiver
     from meshtide_codec.limits import Limits
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import LevelEntry, StreamHeader
-    from meshtide_codec.stream.packets import Packet
     from meshtide_codec.stream.session import Event
 
 

@@ -13,8 +13,8 @@ from meshtide_codec.stream.container import PREAMBLE_BYTES
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import LevelEntry, StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 
 class Holding:

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from meshtide_codec.limits import Limits
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 GROUP = "meshtide.links"
 NAME = "loss"

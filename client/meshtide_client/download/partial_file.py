@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from meshtide_codec.limits import Limits
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 _PIECE_BYTES = 1 << 20
 _MOST_ATTEMPTS = 100

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from meshtide_codec.errors import OptionError
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 from meshtide_lab.link.checks import check_at_least, check_probability
 from meshtide_lab.link.randomness import packet_generator
 from meshtide_lab.link.traffic import DAMAGE

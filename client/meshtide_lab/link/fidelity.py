@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from meshtide_codec.mesh import Mesh
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 SURFACE_SAMPLES = 4000
 """Samples of each surface; the root mean square of distances is good to about 2 %, and the same for every mesh."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from meshtide_codec.stream.packets import PacketKind
+    from meshtide_codec.packets import PacketKind
     from meshtide_lab.link.traffic import Fate
 
 

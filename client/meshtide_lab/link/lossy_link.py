@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from meshtide_client.download.packet_filter import PacketFilter
     from meshtide_codec.limits import Limits
+    from meshtide_codec.packets import Packet, PacketKind
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet, PacketKind
     from meshtide_lab.link.traffic import LinkModel
 
 UNDECODABLE = "undecodable"

@@ -13,7 +13,7 @@ import inspect
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.errors import OptionError
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 from meshtide_lab.link.damage import BitErrors, Noise
 from meshtide_lab.link.loss import Drop, GilbertElliott, IndependentLoss
 from meshtide_lab.link.timing import Bandwidth, Deadline, Delay, Jitter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Protocol
 
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

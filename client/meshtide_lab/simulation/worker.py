@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshtideError
 from meshtide_codec.output_files import write_atomically
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.container import PREAMBLE_BYTES, read_container
-from meshtide_codec.stream.packets import PacketKind
 from meshtide_lab.link.fidelity import StreamMeter
 from meshtide_lab.link.lossy_link import LossyLink, receive
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet
     from meshtide_lab.simulation.sources import SweptMesh
     from meshtide_lab.simulation.variants import Variant
 

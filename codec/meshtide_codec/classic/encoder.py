@@ -23,8 +23,8 @@ from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
 from meshtide_codec.filters import coefficient_count, predict
 from meshtide_codec.fit import fit
 from meshtide_codec.graph import build_adjacency
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.shown_state import ShownState
-from meshtide_codec.stream.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 
 if TYPE_CHECKING:
     from meshtide_codec.classic.encoder import ClassicEncoding

@@ -17,9 +17,9 @@ from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.compact.octree_encoder import OctreeEncoder
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
 from meshtide_codec.compact.previews import choose_previews, make_previews
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.quantize import morton_codes
 from meshtide_codec.shown_state import ShownState
-from meshtide_codec.stream.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec import core
-from meshtide_codec.compact.effort import Effort
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import MeshError
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from meshtide_codec import core
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.mirror import Mirror
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import OptionError
 from meshtide_codec.quantize import DEFAULT_B, LARGEST_B, SMALLEST_B
 

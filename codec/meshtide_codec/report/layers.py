@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.classic.options import ClassicHeader
 from meshtide_codec.decoder import Decoder
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.container import PREAMBLE_BYTES
-from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 HEADER = "Header"
 PREVIEW = "Preview"

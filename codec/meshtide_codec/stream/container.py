@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import ContainerError, LimitError, PacketError, TruncatedError
 from meshtide_codec.limits import Limits
+from meshtide_codec.packets import Packet
 from meshtide_codec.stream.header import FORMAT_VERSION, StreamHeader, check_version
-from meshtide_codec.stream.packets import Packet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

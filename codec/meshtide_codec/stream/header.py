@@ -21,7 +21,7 @@ from meshtide_codec.classic.options import ClassicHeader
 from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.errors import OptionError
 from meshtide_codec.limits import Limits
-from meshtide_codec.stream.packets import Packet, PacketKind
+from meshtide_codec.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

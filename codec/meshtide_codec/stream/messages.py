@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from meshtide_codec.errors import ProtocolError
+from meshtide_codec.packets import LARGEST_LEVEL
 from meshtide_codec.stream import plain_values
-from meshtide_codec.stream.packets import LARGEST_LEVEL
 
 PROTOCOL_VERSION = 1
 LARGEST_MESSAGE = 256 * 1024

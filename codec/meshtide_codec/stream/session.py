@@ -35,7 +35,7 @@ from meshtide_codec.stream.shortage import find_shortage
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from meshtide_codec.stream.packets import Packet, PacketKind
+    from meshtide_codec.packets import Packet, PacketKind
 
 DEFAULT_WINDOW = 1 << 20
 """Bytes in flight that a client allows: at 50 ms round trip that is up to 20 MB/s."""

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from meshtide_codec.distortion import Distortion, DistortionMeter
     from meshtide_codec.limits import Limits
     from meshtide_codec.mesh import Mesh
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import LevelEntry, StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 STAGE = "check the stream"
 SAMPLING = 0.1

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import meshtide_codec
-from meshtide_codec.compact.effort import Effort
+from meshtide_codec.effort import Effort
 from meshtide_codec.stream.header import FORMAT_VERSION
 from meshtide_server.hosting.identifiers import slug
 from meshtide_server.hosting.stream import StoppedError

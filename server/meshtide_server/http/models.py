@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from meshtide_codec.compact.effort import Effort  # noqa: TC001 - pydantic reads the annotations
+from meshtide_codec.effort import Effort  # noqa: TC001 - pydantic reads the annotations
 from meshtide_server.catalogue import Status  # noqa: TC001 - pydantic reads the annotations
 from meshtide_server.hosting.search import box_of
 

@@ -20,7 +20,7 @@ from prometheus_client import (
     generate_latest,
 )
 
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 
 REGISTRY = CollectorRegistry(auto_describe=True)
 ProcessCollector(registry=REGISTRY)

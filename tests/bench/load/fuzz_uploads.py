@@ -17,8 +17,8 @@ from damage import damaged, other_bytes
 
 from meshes import grid, shapes, soup
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshtideError, StreamError
 from meshtide_codec.mesh_files import save_mesh

@@ -25,11 +25,11 @@ import uvloop
 from hosting import MESH, Process, Row, allow_descriptors, fetch_exactly, folder_with_bunny, meshtide_server
 from websocket_throughput import measure
 
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactHeader
+from meshtide_codec.effort import Effort
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
-from meshtide_codec.stream.packets import Packet, PacketKind
 from meshtide_server.catalogue import Catalogue
 from meshtide_server.hosting.publishing import Publication, publish
 from meshtide_server.store.s3 import S3Store

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshtide_codec.classic.options import ClassicOptions
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
+from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import LimitError, MeshtideError
 from meshtide_codec.grid import Grid

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshtide_codec.compact.effort import Effort
+from meshtide_codec.effort import Effort
 from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.hosting import stream_cache
 from meshtide_server.hosting.stream import StoppedError

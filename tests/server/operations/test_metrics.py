@@ -3,7 +3,7 @@ import re
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from meshtide_codec.stream.packets import PacketKind
+from meshtide_codec.packets import PacketKind
 from meshtide_server.operations import metrics
 from meshtide_server.operations.metrics import REGISTRY, JobOutcome, StreamOutcome
 

@@ -17,7 +17,7 @@ from fastapi import Query as QueryParameters
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from meshtide_codec.compact.effort import Effort  # noqa: TC001 - pydantic reads the annotations
+from meshtide_codec.effort import Effort  # noqa: TC001 - pydantic reads the annotations
 from meshtide_codec.errors import OptionError
 from meshtide_codec.file_suffix import split_name
 from meshtide_codec.quantize import LARGEST_B, SMALLEST_B

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 from meshtide_codec.classic.level_coding import decode_diff
 from meshtide_codec.classic.options import ClassicHeader
 from meshtide_codec.errors import OptionError
+from meshtide_codec.packets import PacketKind
 from meshtide_codec.statistics import fit_power_law, l2_error_per_vertex, shannon_bound_bits
-from meshtide_codec.stream.packets import PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import StreamHeader
-    from meshtide_codec.stream.packets import Packet
 
 
 @dataclass(frozen=True, slots=True)

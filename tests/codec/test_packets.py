@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from meshtide_codec.stream.packets import Packet, PacketKind
+from meshtide_codec.packets import Packet, PacketKind
 
 
 def test_numbers_of_kinds_are_frozen() -> None:
