@@ -1,8 +1,10 @@
-"""docs/architecture.md tells how the core is built: its rooms are those that there are, and so are its files."""
+"""docs/architecture.md and the picture in it: rooms, files and names are those that there are."""
 
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -46,14 +48,29 @@ def test_rooms_but_codec_and_classic_are_layers() -> None:
 
 
 def test_a_decode_runs_through_few_files_which_are_short() -> None:
-    section = DOCUMENT.partition("## One decode, file by file")[2].partition("\n## ")[0]
+    section = DOCUMENT.partition("### One decode, file by file")[2].partition("\n### ")[0]
     files = [ROOT / name for name in re.findall(r"^\d+\. `([\w/.]+)`", section, re.MULTILINE)]
     assert 0 < len(files) <= MOST_FILES_OF_A_DECODE
     assert all(len(path.read_text().splitlines()) <= LONGEST_FILE for path in files)
 
 
+def test_a_fetch_runs_through_what_it_names() -> None:
+    section = DOCUMENT.partition("## One fetch, file by file")[2].partition("\n## ")[0]
+    steps = re.findall(r"^\d+\. `([\w/.]+)`, `(\w+)`", section, re.MULTILINE)
+    assert len(steps) == len(re.findall(r"^\d+\. ", section, re.MULTILINE)) > 10
+    for file, name in steps:
+        assert re.search(rf"^(?:class|def|async def) {name}\b", (ROOT / file).read_text(), re.MULTILINE), (file, name)
+
+
+def test_the_picture_is_of_this_house_and_nothing_goes_in_circles() -> None:
+    program = [sys.executable, ROOT / "tools" / "draw_house.py", "--check"]
+    done = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "circles: 0" in done.stdout
+
+
 def test_files_that_it_names_are_there() -> None:
-    names = set(re.findall(r"`((?:codec|tests|tools|docs)/[\w/.]+)`", DOCUMENT)) | set(
+    names = set(re.findall(r"`((?:codec|server|client|tests|tools|docs)/[\w/.]+)`", DOCUMENT)) | set(
         re.findall(r"python ((?:tools|tests)/[\w/.]+)", DOCUMENT)
     )
     assert len(names) > MOST_FILES_OF_A_DECODE
