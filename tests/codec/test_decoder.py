@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes, shapes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, LevelUpdate, decode
@@ -24,6 +23,7 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.header import StreamHeader, packet_table
+from meshtide_codec.testing import grid, random_meshes, shapes
 from streams import check_with_one_damaged_packet, encoded_grid
 
 SPECS = [

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes
 from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import dequantize, morton_codes, morton_positions, quantize
+from meshtide_codec.testing import grid, random_meshes
 
 
 @given(random_meshes(), st.integers(4, 20))
