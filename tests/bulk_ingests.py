@@ -7,11 +7,11 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from meshes import grid
 from meshtide_codec.command_options import profile_options
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.stream.mesh_query import MeshQuery
+from meshtide_codec.testing import grid
 from meshtide_server.catalogue import Catalogue, MeshRecord
 from meshtide_server.store import stream_key
 from meshtide_server.store.opening import open_store

@@ -6,11 +6,11 @@ from functools import cache
 
 import numpy as np
 
-from meshes import grid
 from meshtide_codec.classic.geometry_bytes import GeometryBytes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.quantize import quantize
 from meshtide_codec.sphere import PAPER_FILTERS
+from meshtide_codec.testing import grid
 from meshtide_lab.paper.experiment import Arrays, FilterResult, LostDiff, SchemeResult, SurfaceDistance
 from meshtide_lab.paper.mesh_result import PICTURED_FILTERS, MeshResult, new_mesh_result
 from meshtide_lab.paper.noise_experiment import NoiseResult

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from hypothesis import strategies as st
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
 from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.decoder import Decoder
@@ -19,6 +18,7 @@ from meshtide_codec.filters import FilterSpec
 from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.quantize import morton_codes
 from meshtide_codec.stream.header import LevelEntry, StreamHeader, packet_table
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

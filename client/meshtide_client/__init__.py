@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from meshtide_client.download.levels import LevelFigures, ReceivedLevel
     from meshtide_client.download.stream import stream
     from meshtide_client.remote.edit import change_mesh, delete_mesh, list_tags
-    from meshtide_client.remote.listing import HostedMesh, list_meshes
+    from meshtide_client.remote.listing import ListedMesh, list_meshes
     from meshtide_codec.stream.mesh_query import MeshQuery
     from meshtide_codec.stream.session import Until
 
 __all__ = [
     "FetchResult",
-    "HostedMesh",
     "LevelFigures",
     "Link",
+    "ListedMesh",
     "MeshAddress",
     "MeshQuery",
     "ReceivedLevel",
@@ -48,7 +48,7 @@ __all__ = [
 
 _HOMES = {
     "FetchResult": "meshtide_client.download.fetch",
-    "HostedMesh": "meshtide_client.remote.listing",
+    "ListedMesh": "meshtide_client.remote.listing",
     "LevelFigures": "meshtide_client.download.levels",
     "Link": "meshtide_client.connection.link",
     "MeshAddress": "meshtide_client.connection.address",

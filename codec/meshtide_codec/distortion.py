@@ -97,19 +97,3 @@ class DistortionMeter:
         other = lent_surface(vertices, faces)
         core.call("mt_meter_measure", self._meter, byref(other), byref(rms), byref(maximum), argument_error=MeshError)
         return Distortion(rms.value, maximum.value)
-
-
-def distortion(
-    original: tuple[NDArray[np.float64], NDArray[np.integer]],
-    other: tuple[NDArray[np.float64], NDArray[np.integer]],
-    samples: int = DEFAULT_SAMPLES,
-    seed: int = DEFAULT_SEED,
-) -> Distortion:
-    """The distance of two meshes (vertices, faces), see `DistortionMeter` for arguments and errors.
-
-    >>> import numpy as np
-    >>> point = np.array([[1.0, 2.0, 3.0]]), np.zeros((0, 3), np.int32)
-    >>> distortion(point, point)
-    Distortion(rms=0.0, maximum=0.0)
-    """
-    return DistortionMeter(*original, samples=samples, seed=seed).measure(*other)

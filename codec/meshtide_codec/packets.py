@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 LARGEST_LEVEL = 63
-LARGEST_SLICE = (1 << 16) - 1
 
 
 class PacketKind(IntEnum):

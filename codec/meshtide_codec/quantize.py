@@ -126,15 +126,6 @@ def has_finite_points(origin: Sequence[float], extent: float) -> bool:
     return all(math.isfinite(abs(coordinate) + 1.125 * extent) for coordinate in origin)
 
 
-def has_distinct_points(origin: Sequence[float], extent: float) -> bool:
-    """Whether a grid has more than one point: a side that is nothing beside its place, or 0, makes all of them one.
-
-    >>> has_distinct_points((0.0, 0.0, 1e6), 1e-3), has_distinct_points((1e9, 1e9, -1e9), 1e-9)
-    (True, False)
-    """
-    return any(coordinate + extent != coordinate for coordinate in origin)
-
-
 def _check_inside(vertices: NDArray[np.float64], origin: NDArray[np.float64], extent: float) -> None:
     """Raise MeshError unless all vertices lie on the grid, but for rounding."""
     slack = ROUNDING * extent
@@ -175,16 +166,3 @@ def morton_codes(positions: NDArray[np.integer]) -> NDArray[np.uint64]:
         spread = (spread | (spread << np.uint64(shift))) & np.uint64(mask)
     codes: NDArray[np.uint64] = (spread[:, 0] << np.uint64(2)) | (spread[:, 1] << np.uint64(1)) | spread[:, 2]
     return codes
-
-
-def morton_positions(codes: NDArray[np.uint64]) -> NDArray[np.int64]:
-    """The coordinates (n, 3) that `morton_codes` interleaved.
-
-    >>> morton_positions(np.array([1, 2, 4, 63], np.uint64)).tolist()
-    [[0, 0, 1], [0, 1, 0], [1, 0, 0], [3, 3, 3]]
-    """
-    spread = np.stack([codes >> np.uint64(2), codes >> np.uint64(1), codes], axis=1) & np.uint64(0x1249249249249249)
-    masks = [*[mask for _, mask in _SPREAD_STEPS][-2::-1], 0x1FFFFF]
-    for shift, mask in zip((2, 4, 8, 16, 32), masks, strict=True):
-        spread = (spread | (spread >> np.uint64(shift))) & np.uint64(mask)
-    return spread.astype(np.int64)

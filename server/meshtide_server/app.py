@@ -23,7 +23,7 @@ from meshtide_server.http.routes.meshes import STREAM_ROUTE, router
 from meshtide_server.http.routes.operations import router as operations_router
 from meshtide_server.http.routes.packets import router as packets_router
 from meshtide_server.http.routes.tickets import router as tickets_router
-from meshtide_server.http.websocket import Streams
+from meshtide_server.http.websocket import RunningStreams
 from meshtide_server.operations.readiness import Readiness, StoreCheck
 from meshtide_server.operations.version import program_version
 from meshtide_server.security.access import Access
@@ -124,6 +124,6 @@ async def _started(settings: Settings, access: Access, stack: AsyncExitStack) ->
         jobs = JobRunner(library.published, settings, draining)
         jobs.start()
         stack.push_async_callback(jobs.stop)
-    streams = Streams(library, settings, access, draining)
+    streams = RunningStreams(library, settings, access, draining)
     stack.push_async_callback(streams.close)
     return Parts(settings, access, library, streams, jobs, readiness, draining)

@@ -24,7 +24,6 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from damage import damaged
 from fuzzing_files import run
 
-from meshes import grid, shapes
 from meshtide_codec.attributes import Attribute, Domain, Kind
 from meshtide_codec.errors import MeshError
 from meshtide_codec.limits import FileLimits
@@ -33,6 +32,7 @@ from meshtide_codec.mesh_files import mesh_of, save_scene
 from meshtide_codec.mesh_files.read import read_source
 from meshtide_codec.mesh_files.source import open_source
 from meshtide_codec.scene import Image, Material, Scene
+from meshtide_codec.testing import grid, shapes
 
 if TYPE_CHECKING:
     import random

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from meshtide_client.commands import demonstration as demo
 from meshtide_client.commands.demonstration import MismatchError, run_demo
-from meshtide_client.remote.listing import HostedMesh
+from meshtide_client.remote.listing import ListedMesh
 from meshtide_codec.errors import OptionError, TransferError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import quantize
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def hosted(status: str, *, progress: float = 0.5, reason: str | None = None) -> HostedMesh:
-    return HostedMesh("spot", "spot", status, "levels", progress, reason, None, None, None, None)
+def hosted(status: str, *, progress: float = 0.5, reason: str | None = None) -> ListedMesh:
+    return ListedMesh("spot", "spot", status, "levels", progress, reason, None, None, None, None)
 
 
-def waited(monkeypatch: pytest.MonkeyPatch, answers: list[HostedMesh], wait: float = 60.0) -> str:
+def waited(monkeypatch: pytest.MonkeyPatch, answers: list[ListedMesh], wait: float = 60.0) -> str:
     """What is written while the server gives these answers, one after the other."""
     console = Console(file=io.StringIO(), width=120)
     monkeypatch.setattr(demo, "list_meshes", lambda _url: (answers.pop(0) if len(answers) > 1 else answers[0],))
@@ -54,7 +54,7 @@ def test_a_server_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_server_without_the_sample_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    other = HostedMesh("cup", "cup", "ready", None, 1.0, None, 1, 1, 1, 1)
+    other = ListedMesh("cup", "cup", "ready", None, 1.0, None, 1, 1, 1, 1)
     with pytest.raises(TransferError, match="does not host spot"):
         waited(monkeypatch, [other])
 

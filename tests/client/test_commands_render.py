@@ -8,11 +8,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from meshes import grid
 from meshtide_client.commands.render import render as command
 from meshtide_codec.command_line import ExitCode, exit_code
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 from pictures import unpacked
 
 if TYPE_CHECKING:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from meshes import grid
 from meshtide_client import main
 from meshtide_client.connection.link import Link
 from meshtide_client.export.site import export_static
@@ -18,6 +17,7 @@ from meshtide_codec.decoder import decode
 from meshtide_codec.errors import OptionError, TransferError
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.stream.container import read_container
+from meshtide_codec.testing import grid
 from streams import encoded_grid
 from web_server import WebServer, web_server
 

@@ -9,7 +9,7 @@ from urllib.parse import parse_qs
 
 import pytest
 
-from meshtide_client.remote.listing import BoundingBox, HostedMesh, list_meshes
+from meshtide_client.remote.listing import BoundingBox, ListedMesh, list_meshes
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
 from meshtide_codec.stream.mesh_query import MeshQuery
 
@@ -107,7 +107,7 @@ def test_meshes_are_listed(wrapped: bool) -> None:
     rows = [READY, ENCODING]
     with answering(json.dumps({"meshes": rows} if wrapped else rows).encode()) as url:
         meshes = list_meshes(url)
-    assert meshes[0] == HostedMesh(**READY)
+    assert meshes[0] == ListedMesh(**READY)
     assert meshes[1].stage == "levels"
     assert meshes[1].vertices is None
 

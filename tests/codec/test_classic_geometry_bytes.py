@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-from meshes import grid
 from meshtide_codec.classic.encoder import ClassicEncoding
 from meshtide_codec.classic.geometry_bytes import GeometryBytes, geometry_bytes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.quantize import quantize
+from meshtide_codec.testing import grid
 
 
 def test_coefficients_are_four_bytes_for_each_transition_and_coordinate() -> None:

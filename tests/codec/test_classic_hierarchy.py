@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes
 from meshtide_codec.classic.hierarchy import build_hierarchy, cell_centres, containing_cells, within_cube
 from meshtide_codec.mesh import Mesh, canonical_faces
 from meshtide_codec.quantize import morton_codes, quantize
 from meshtide_codec.sphere import paper_sphere
+from meshtide_codec.testing import grid, random_meshes
 
 
 @given(random_meshes(), st.integers(1, 3), st.floats(1.0, 3.0), st.integers(1, 20))

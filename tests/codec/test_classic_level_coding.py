@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid
 from meshtide_codec.classic.hierarchy import build_hierarchy
 from meshtide_codec.classic.level_coding import LevelEncoder, decode_diff, encode_param
 from meshtide_codec.errors import DiffError, OptionError
 from meshtide_codec.quantize import quantize
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,10 +9,10 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 
-from meshes import grid, random_meshes, shapes
 from meshtide_codec.closest_points import TriangleTree
 from meshtide_codec.errors import MeshError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.testing import grid, random_meshes, shapes
 
 Points = npt.NDArray[np.float64]
 

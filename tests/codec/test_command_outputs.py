@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from command_runner import meshtide
-from meshes import grid
 from meshtide_codec.decoder import decode
 from meshtide_codec.errors import MeshFileError, OptionError, StreamError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from click.testing import Result

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import pytest
 
 from command_runner import meshtide
-from meshes import grid
 from meshtide_codec.command_line import ExitCode, exit_code
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode as encode_mesh
@@ -25,6 +24,7 @@ from meshtide_codec.errors import (
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.stream.container import read_container, write_container
+from meshtide_codec.testing import grid
 from streams import MadeUpStream
 
 if TYPE_CHECKING:

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes, shapes
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, decode
 from meshtide_codec.effort import Effort
@@ -20,6 +19,7 @@ from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.stream.container import read_available
+from meshtide_codec.testing import grid, random_meshes, shapes
 from streams import check_with_one_damaged_packet, leaf_depths, slice_of
 
 

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, soup
 from meshtide_codec.compact.previews import Preview, choose_previews, make_previews
 from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh import Mesh, canonical_faces
 from meshtide_codec.quantize import QuantizedMesh, morton_codes, quantize
 from meshtide_codec.sphere import paper_sphere
+from meshtide_codec.testing import grid, soup
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,11 +7,11 @@ import numpy.typing as npt
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid
 from meshtide_codec.compact.simplification import Simplifier
 from meshtide_codec.mesh import Mesh, canonical_faces
 from meshtide_codec.quantize import QuantizedMesh, morton_codes, quantize
 from meshtide_codec.sphere import paper_sphere
+from meshtide_codec.testing import grid
 
 Points = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]

@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes, shapes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, LevelUpdate, decode
-from meshtide_codec.distortion import distortion
+from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import ContainerError, LimitError, PacketError
 from meshtide_codec.filters import FilterSpec
@@ -24,6 +23,7 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.header import StreamHeader, packet_table
+from meshtide_codec.testing import grid, random_meshes, shapes
 from streams import check_with_one_damaged_packet, encoded_grid
 
 SPECS = [
@@ -173,7 +173,7 @@ def test_a_level_without_its_diff_is_nearer_than_its_parents() -> None:
         if not (packet.kind is PacketKind.DIFF and packet.level == 0):
             predicted.push(packet)
     exact, mesh = whole.mesh(0), predicted.mesh(0)
-    measured = distortion((exact.vertices, exact.faces), (mesh.vertices, mesh.faces))
+    measured = DistortionMeter(exact.vertices, exact.faces).measure(mesh.vertices, mesh.faces)
     assert 0.0 < measured.rms < 0.8 * encoded.header.entry(1).rms
 
 

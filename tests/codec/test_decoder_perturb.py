@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.packets import PacketKind
 from meshtide_codec.samples import load_sample
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,15 +10,24 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 
-from meshes import grid, random_meshes, shapes
-from meshtide_codec.distortion import DistortionMeter, distortion
+from meshtide_codec.distortion import DEFAULT_SAMPLES, DEFAULT_SEED, Distortion, DistortionMeter
 from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.sphere import paper_sphere
+from meshtide_codec.testing import grid, random_meshes, shapes
 
 SQUARE = np.array([[0.0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]])
 SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]])
 NO_FACES = np.zeros((0, 3), np.int64)
+
+
+def distortion(
+    original: tuple[npt.NDArray[np.float64], npt.NDArray[np.integer]],
+    other: tuple[npt.NDArray[np.float64], npt.NDArray[np.integer]],
+    samples: int = DEFAULT_SAMPLES,
+    seed: int = DEFAULT_SEED,
+) -> Distortion:
+    return DistortionMeter(*original, samples=samples, seed=seed).measure(*other)
 
 
 def arrays(mesh: Mesh) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
@@ -24,6 +23,7 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.packets import PacketKind
 from meshtide_codec.profile import Profile
 from meshtide_codec.stream.container import read_container
+from meshtide_codec.testing import grid
 from streams import encoded_grid
 
 

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, tetrahedron
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
@@ -19,6 +18,7 @@ from meshtide_codec.grid import Grid
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import quantize
 from meshtide_codec.stream.container import read_container
+from meshtide_codec.testing import grid, tetrahedron
 
 
 @pytest.mark.parametrize("options", [CompactOptions(bits=11), ClassicOptions(bits=11)], ids=["compact", "classic"])

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from meshes import grid
 from meshtide_codec.compact import encoder as compact_encoder
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder, decode
@@ -19,6 +18,7 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.packets import PacketKind
 from meshtide_codec.stream.container import read_container, write_container
 from meshtide_codec.stream.header import StreamHeader
+from meshtide_codec.testing import grid
 
 
 def test_a_mesh_within_the_limits_passes_and_one_over_them_does_not() -> None:

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes, shapes
 from meshtide_codec import merging
 from meshtide_codec.errors import MeshError
 from meshtide_codec.merging import Merging, merged_by_quantization
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import QuantizedMesh, quantize
+from meshtide_codec.testing import grid, random_meshes, shapes
 
 
 def outlier() -> Mesh:

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gltf_files import PYRAMID, PYRAMID_FACES, area, read
-from meshes import grid, shapes, tetrahedron
 from meshtide_codec.attributes import UPPER_LEFT, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
@@ -22,6 +21,7 @@ from meshtide_codec.mesh_files.gltf.glb import unpack
 from meshtide_codec.mesh_files.read import load_scene, mesh_of
 from meshtide_codec.mesh_files.write import save_mesh, save_scene
 from meshtide_codec.scene import Image, Material, Node, Scene
+from meshtide_codec.testing import grid, shapes, tetrahedron
 
 PNG = b"\x89PNG\r\n\x1a\n..."
 

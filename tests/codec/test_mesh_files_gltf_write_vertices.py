@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid
 from meshtide_codec.attributes import UPPER_LEFT, Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.gltf.write_vertices import Losses, Part, parts
+from meshtide_codec.testing import grid
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [9, 9, 9]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -7,12 +7,12 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 
-from meshes import grid, shapes
 from meshtide_codec.attributes import Attribute, Domain, Kind
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_scene, save_scene
 from meshtide_codec.mesh_files.obj.write import write_obj
 from meshtide_codec.scene import Image, Material, Node, Scene
+from meshtide_codec.testing import grid, shapes
 from obj_files import attribute, faces_of, read_bytes, written_in_random_ways
 from plain_obj import Corner, read_plain_obj, turned
 

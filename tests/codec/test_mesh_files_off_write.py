@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import tetrahedron
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh import Mesh
@@ -17,6 +16,7 @@ from meshtide_codec.mesh_files.off import read_off, write_off
 from meshtide_codec.mesh_files.polygons import triangulated
 from meshtide_codec.mesh_files.source import Source
 from meshtide_codec.scene import Image, Material, Scene
+from meshtide_codec.testing import tetrahedron
 
 FLOATS = np.array([[0.1, 0.2, 0.3], [1, 0, 1 / 3], [0, 0, 1], [1, 1, 1]])
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes import tetrahedron
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh_files import other_formats
 from meshtide_codec.mesh_files.other_formats import read_other, write_other
 from meshtide_codec.mesh_files.source import Source
 from meshtide_codec.scene import Scene
+from meshtide_codec.testing import tetrahedron
 
 LIMITS = FileLimits(vertices=1000, faces=2000)
 

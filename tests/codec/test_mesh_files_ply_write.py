@@ -12,12 +12,12 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes, soup, tetrahedron
 from meshtide_codec.attributes import NONE, Attribute, Domain, Kind
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_scene, save_scene
 from meshtide_codec.mesh_files.ply import write_ply
 from meshtide_codec.scene import Image, Material, Scene
+from meshtide_codec.testing import grid, random_meshes, soup, tetrahedron
 from ply_files import SQUARE, TRIANGLE, Variant, mesh_in, outlines, read, variants
 
 TRIANGLES = [[0, 1, 2], [0, 2, 3]]

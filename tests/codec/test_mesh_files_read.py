@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.errors import MeshError, MeshFileError
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh import Mesh
@@ -20,6 +19,7 @@ from meshtide_codec.mesh_files.read import read_source
 from meshtide_codec.mesh_files.source import Source
 from meshtide_codec.mesh_files.stl import write_stl
 from meshtide_codec.scene import Node, Scene
+from meshtide_codec.testing import grid
 
 OFF = b"OFF 4 1 0\n0 0 0\n9 9 9\n1 0 0\n0 1 0\n3 0 2 3\n"
 

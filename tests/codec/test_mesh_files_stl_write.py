@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshes import grid, tetrahedron
 from meshtide_codec.attributes import Attribute, Domain, Kind
 from meshtide_codec.errors import MeshFileError
 from meshtide_codec.limits import FileLimits
@@ -13,6 +12,7 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.source import Source
 from meshtide_codec.mesh_files.stl import read_stl, write_stl
 from meshtide_codec.scene import Material, Scene
+from meshtide_codec.testing import grid, tetrahedron
 
 POINTS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
 FACES = [[0, 1, 2], [1, 3, 2]]

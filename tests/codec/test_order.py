@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes, shapes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import Decoder
@@ -21,6 +20,7 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.order import Order, in_input_order, order_packet, read_order
 from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.quantize import quantize
+from meshtide_codec.testing import grid, random_meshes, shapes
 
 
 def check_restored(mesh: Mesh, options: CompactOptions | ClassicOptions) -> None:

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes
 from meshtide_codec import own_streams
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.encoder import encode
@@ -23,6 +22,7 @@ from meshtide_codec.own_streams import (
     is_stream_of,
     stream_target,
 )
+from meshtide_codec.testing import grid, random_meshes
 from streams import encoded_grid
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec import core
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
@@ -16,6 +15,7 @@ from meshtide_codec.grid import Grid
 from meshtide_codec.profile import Encoding, Profile
 from meshtide_codec.quantize import QuantizedMesh
 from meshtide_codec.stream.header import HEADERS
+from meshtide_codec.testing import grid
 
 
 @dataclass(frozen=True)

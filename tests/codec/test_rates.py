@@ -3,11 +3,11 @@ from __future__ import annotations
 import json
 from math import inf
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicHeader, ClassicOptions
 from meshtide_codec.encoder import encode
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.rates import bytes_by_kind, bytes_by_level, stream_report
+from meshtide_codec.testing import grid
 from streams import encoded_grid
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from golden_streams import GOLDEN, VARIANTS, tangle
-from meshes import grid, tetrahedron
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactHeader, CompactOptions
 from meshtide_codec.decoder import decode
@@ -25,6 +24,7 @@ from meshtide_codec.reference import candidates, diff, reference_decode, referen
 from meshtide_codec.reference import map as maps
 from meshtide_codec.reference.header import VERSION
 from meshtide_codec.stream.container import PREAMBLE_BYTES, read_container, write_container
+from meshtide_codec.testing import grid, tetrahedron
 from random_streams import (
     GridMesh,
     check_agreement,

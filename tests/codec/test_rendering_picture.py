@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshes import grid, shapes
 from meshtide_codec.errors import OptionError
 from meshtide_codec.rendering import picture
 from meshtide_codec.rendering.colour_scale import ColourScale
 from meshtide_codec.rendering.picture import TILE, Style, Subject, draw_subjects, levels_picture
 from meshtide_codec.rendering.rasterizer import PAPER
+from meshtide_codec.testing import grid, shapes
 from pictures import unpacked
 
 SCALE = ColourScale(0.0, 1.0, "height")

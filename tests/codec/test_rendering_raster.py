@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshes import grid
 from meshtide_codec.rendering import raster
 from meshtide_codec.rendering.raster import PixelBuffers, draw_faces, vertex_normals
+from meshtide_codec.testing import grid
 
 
 def owners(points: np.ndarray, faces: np.ndarray, side: int) -> np.ndarray:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from meshes import random_meshes, shapes, tetrahedron
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.rendering.rasterizer import LARGEST_SIZE, PAPER, render
 from meshtide_codec.rendering.view import MARGIN, Framing, View
 from meshtide_codec.sphere import paper_sphere
+from meshtide_codec.testing import random_meshes, shapes, tetrahedron
 
 FRONT = View(0, 0)
 

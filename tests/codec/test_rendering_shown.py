@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from meshes import grid, shapes
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import ContainerError, OptionError
@@ -13,6 +12,7 @@ from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.rendering.picture import Subject
 from meshtide_codec.rendering.shown import coloured_by_distance, load_subjects
+from meshtide_codec.testing import grid, shapes
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshes import grid, random_meshes, shapes
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.rendering.view import MARGIN, Framing, View
+from meshtide_codec.testing import grid, random_meshes, shapes
 
 angles = st.floats(-720, 720)
 

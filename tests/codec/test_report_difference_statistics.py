@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.encoder import ClassicEncoding
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.encoder import describe, encode
 from meshtide_codec.errors import OptionError
 from meshtide_codec.quantize import quantize
 from meshtide_codec.report.difference_statistics import difference_statistics
+from meshtide_codec.testing import grid
 
 
 def test_statistics_are_those_of_the_encoders_own_diffs() -> None:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import pytest
 
-from meshes import grid, shapes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.effort import Effort
@@ -22,6 +21,7 @@ from meshtide_codec.report.layers import (
     layer_bytes,
     totals,
 )
+from meshtide_codec.testing import grid, shapes
 
 
 @pytest.mark.parametrize("name", shapes())

@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.distortion import DistortionMeter
@@ -13,6 +12,7 @@ from meshtide_codec.profile import Profile
 from meshtide_codec.quantize import quantize
 from meshtide_codec.report.states import StreamState, bytes_for, grid_points, improving, stream_states
 from meshtide_codec.stream.distances import stored_distances
+from meshtide_codec.testing import grid
 
 
 def state(size: int, rms: float) -> StreamState:

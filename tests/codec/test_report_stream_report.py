@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.effort import Effort
@@ -13,6 +12,7 @@ from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import MeshtideError, OptionError
 from meshtide_codec.profile import Profile
 from meshtide_codec.report.stream_report import TERMINAL, StreamReport, header_states, report_files
+from meshtide_codec.testing import grid
 
 
 @pytest.fixture(scope="module")

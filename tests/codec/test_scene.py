@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshes import grid, tetrahedron
 from meshtide_codec.attributes import NONE, UPPER_LEFT, Attribute, Domain, Kind
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.scene import Node, Scene, joined, placed
+from meshtide_codec.testing import grid, tetrahedron
 
 
 def moved(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:

@@ -15,9 +15,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.encoder import EncodedMesh, encode
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -13,9 +13,9 @@ import httpx
 import pytest
 
 from bulk_ingests import BITS, PROFILE, expected_stream, kept, kept_in, small_meshes
-from meshes import grid
 from meshtide_codec.command_line import ExitCode
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 from postgresql_server import running_postgresql
 from s3_server import BUCKET, running_s3_server
 from upload_server import taking_uploads

@@ -9,13 +9,13 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from meshes import grid
 from meshtide_client.main import build
 from meshtide_client.remote.edit import change_mesh, delete_mesh, list_tags
 from meshtide_client.remote.listing import list_meshes
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
+from meshtide_codec.testing import grid
 from nginx_proxy import wait_for
 from upload_server import TOKEN, taking_uploads
 from web_server import WebServer, web_server

@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 
 import meshtide_client
 from bulk_ingests import kept_in
-from meshes import grid, random_meshes, shapes
 from meshtide_client.commands.server_process import running_server
 from meshtide_client.connection.link import Link
 from meshtide_codec.command_line import ExitCode
@@ -29,6 +28,7 @@ from meshtide_codec.errors import TransferError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.packets import PacketKind
+from meshtide_codec.testing import grid, random_meshes, shapes
 from meshtide_lab.link.lossy_link import LossyLink
 from streams import slice_of
 from upload_server import TOKEN, taking_uploads

@@ -12,11 +12,11 @@ import httpx
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 from upload_server import TOKEN, taking_uploads
 
 if TYPE_CHECKING:

@@ -12,7 +12,6 @@ import pytest
 
 import meshtide_client
 from hosted_folder import serving
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.command_line import ExitCode
 from meshtide_codec.compact.options import CompactOptions
@@ -20,6 +19,7 @@ from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import TransferError
 from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.stream.container import read_container
+from meshtide_codec.testing import grid
 from meshtide_lab.link.lossy_link import LossyLink, receive
 
 STREAMS = {

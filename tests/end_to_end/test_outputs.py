@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 
 from hosted_folder import serving
-from meshes import grid
 from meshtide_codec.command_line import ExitCode
 from meshtide_codec.mesh_files import load_mesh, save_mesh
+from meshtide_codec.testing import grid
 
 MESH = "patch"
 ODD_NAMES = (b"caf\xe9.tide", b"a\nb.tide", b"\x1b[31mred.tide", "\u202exe.tide".encode(), b"[bold]x[red].tide")

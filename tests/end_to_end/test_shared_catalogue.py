@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import meshtide_client
-from meshes import grid
 from meshtide_client.connection.link import Link
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 from nginx_proxy import behind_nginx, wait_for
 from postgresql_server import running_postgresql
 from s3_server import BUCKET, running_s3_server

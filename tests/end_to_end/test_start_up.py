@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from meshes import grid
 from meshtide_codec.encoder import encode
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from pathlib import Path

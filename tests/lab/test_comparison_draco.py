@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.errors import MeshError
+from meshtide_codec.testing import grid
 from meshtide_lab.comparison.draco import draco_decoded, draco_encoded
 
 pytest.importorskip("DracoPy", reason="Draco comes with the extra bench")

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshes import grid, tetrahedron
 from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.quantize import QuantizedMesh, quantize
+from meshtide_codec.testing import grid, tetrahedron
 from meshtide_lab.comparison.draco import draco_encoded
 from meshtide_lab.comparison.ladder import MOST_OF_TARGET, LadderLevels
 

@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshError
 from meshtide_codec.mesh import Mesh
+from meshtide_codec.testing import grid
 from meshtide_lab.comparison import mesh_comparison
 from meshtide_lab.comparison.draco import draco_encoded
 from meshtide_lab.comparison.mesh_comparison import FITTED_LADDER, LADDER, MESHTIDE, compare_mesh

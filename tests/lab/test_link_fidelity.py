@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import MeshError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.packets import PacketKind
+from meshtide_codec.testing import grid
 from meshtide_lab.link.fidelity import StreamMeter, SurfaceMeter, vertex_errors
 
 

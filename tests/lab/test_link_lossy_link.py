@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import grid
 from meshtide_client.download.packet_filter import find_filter
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
@@ -17,6 +16,7 @@ from meshtide_codec.encoder import EncodedMesh, encode
 from meshtide_codec.errors import OptionError
 from meshtide_codec.packets import PacketKind
 from meshtide_codec.samples import load_sample
+from meshtide_codec.testing import grid
 from meshtide_lab.link.fidelity import StreamMeter
 from meshtide_lab.link.lossy_link import UNDECODABLE, LossyLink, LossyReceiver, lossy_filter, receive
 

@@ -8,10 +8,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from meshes import grid
 from meshtide_codec.command_line import ExitCode, exit_code
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 from meshtide_lab.paper.commands import register
 from pictures import unpacked
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.decoder import Decoder
 from meshtide_codec.encoder import encode
@@ -14,6 +13,7 @@ from meshtide_codec.packets import PacketKind
 from meshtide_codec.quantize import quantize
 from meshtide_codec.samples import load_sample, sample_names
 from meshtide_codec.sphere import PAPER_FILTERS
+from meshtide_codec.testing import grid
 from meshtide_lab.paper.experiment import SCHEMES, SINGLE_RESOLUTION, lost_diff, run_filter, run_scheme
 from meshtide_lab.paper.mesh_result import PICTURED_FILTERS
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshes import grid
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.filters import FilterSpec
 from meshtide_codec.quantize import quantize
 from meshtide_codec.samples import load_sample
 from meshtide_codec.sphere import PAPER_FILTERS
+from meshtide_codec.testing import grid
 from meshtide_lab.link.damage import Noise
 from meshtide_lab.link.lossy_link import LossyLink
 from meshtide_lab.paper import noise_experiment

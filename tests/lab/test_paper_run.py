@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from meshes import grid, shapes
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.errors import MeshError, MeshFileError, MeshtideError
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.sphere import PAPER_FILTERS
+from meshtide_codec.testing import grid, shapes
 from meshtide_lab.paper import run, tables
 from meshtide_lab.paper.report import report_page
 from meshtide_lab.paper.run import named_mesh, run_paper

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from meshes import grid
 from meshtide_client.main import build
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 from meshtide_lab.simulation import output, worker
 from meshtide_lab.simulation.journal import DEFINITION, RUNS
 from meshtide_lab.simulation.summary import mean_interval, summarize

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes import grid
 from meshtide_codec.compact.mirror import find_mirror
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.quantize import quantize
+from meshtide_codec.testing import grid
 from meshtide_lab.training.samples import main
 
 if TYPE_CHECKING:

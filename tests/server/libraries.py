@@ -12,7 +12,7 @@ import pytest
 from meshtide_server.catalogue import Status
 from meshtide_server.encoding import folder_queue
 from meshtide_server.encoding.folder_queue import FolderQueue
-from meshtide_server.encoding.process import Encoded, EncodingFailedError, Job
+from meshtide_server.encoding.process import Encoded, EncoderTask, EncodingFailedError
 from meshtide_server.hosting.library import Library
 from meshtide_server.settings import Settings
 
@@ -22,7 +22,7 @@ from .made_streams import make_stream
 class FakeEncoder:
     """Takes the place of the encoder's process: the stream of a mesh is random bytes made from its digest."""
 
-    jobs: list[Job]
+    jobs: list[EncoderTask]
 
     def __init__(self) -> None:
         self.jobs = []
@@ -30,7 +30,7 @@ class FakeEncoder:
         self.hold = asyncio.Event()
         self.hold.set()
 
-    async def encode(self, job: Job, progress: Callable[[str, float], None]) -> Encoded:
+    async def encode(self, job: EncoderTask, progress: Callable[[str, float], None]) -> Encoded:
         self.jobs.append(job)
         progress("levels", 0.5)
         await self.hold.wait()

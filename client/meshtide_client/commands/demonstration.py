@@ -21,7 +21,7 @@ from meshtide_client.connection.address import ServerAddress
 from meshtide_client.connection.link import Link
 from meshtide_client.download.destination import check_levels
 from meshtide_client.download.fetch import FetchResult, fetch
-from meshtide_client.remote.listing import HostedMesh, list_meshes
+from meshtide_client.remote.listing import ListedMesh, list_meshes
 from meshtide_codec.errors import MeshtideError, OptionError, TransferError
 from meshtide_codec.output_policy import output_file
 from meshtide_codec.printable import printable, shown
@@ -121,7 +121,7 @@ def _wait_until_ready(console: Console, url: str, name: str, wait: float) -> Non
             time.sleep(_POLL_SECONDS)
 
 
-def _find(url: str, name: str) -> HostedMesh:
+def _find(url: str, name: str) -> ListedMesh:
     for mesh in list_meshes(url):
         if mesh.id == name:
             return mesh

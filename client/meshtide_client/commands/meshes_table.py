@@ -12,10 +12,10 @@ from meshtide_codec.printable import printable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from meshtide_client.remote.listing import HostedMesh
+    from meshtide_client.remote.listing import ListedMesh
 
 
-def listing_table(meshes: Sequence[HostedMesh]) -> Table:
+def listing_table(meshes: Sequence[ListedMesh]) -> Table:
     """One row a mesh."""
     table = Table()
     table.add_column("mesh")
@@ -37,7 +37,7 @@ def listing_table(meshes: Sequence[HostedMesh]) -> Table:
     return table
 
 
-def _state(mesh: HostedMesh) -> str:
+def _state(mesh: ListedMesh) -> str:
     if mesh.status == "encoding":
         return f"encoding: {mesh.stage or 'waiting'}, {mesh.progress:.0%}"
     return f"{mesh.status}: {mesh.reason}" if mesh.reason else mesh.status

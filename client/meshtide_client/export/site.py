@@ -29,7 +29,7 @@ from meshtide_client.connection.tide_address import SUFFIX, parse_address
 from meshtide_client.download.attempts import Attempts
 from meshtide_client.download.partial_file import PartialFile
 from meshtide_client.remote.folder_search import oddity
-from meshtide_client.remote.listing import STATIC_INDEX, HostedMesh, hosted_mesh, list_meshes
+from meshtide_client.remote.listing import STATIC_INDEX, ListedMesh, hosted_mesh, list_meshes
 from meshtide_codec.command_line import explanation
 from meshtide_codec.errors import ContainerError, MeshtideError, OptionError
 from meshtide_codec.file_suffix import split_name
@@ -68,7 +68,7 @@ class FailedExport(NamedTuple):
 class Export(NamedTuple):
     """What came of an export: all meshes of the folder, in the order of their ids, and those that failed."""
 
-    meshes: tuple[HostedMesh, ...]
+    meshes: tuple[ListedMesh, ...]
     failed: tuple[FailedExport, ...]
 
 
@@ -168,7 +168,7 @@ class _Item:
     identifier: str
     place: str
     file: str
-    mesh: HostedMesh | None = None
+    mesh: ListedMesh | None = None
 
     @property
     def origin(self) -> str:
@@ -182,7 +182,7 @@ class _Listed(NamedTuple):
 
     file: str
     origin: str | None
-    mesh: HostedMesh | None
+    mesh: ListedMesh | None
 
 
 def _target(collection: Path, item: _Item, earlier: _Listed | None, *, overwrite: bool) -> OutputFile:
@@ -271,7 +271,7 @@ async def _copy(url: str, target: OutputFile, link: Link, limits: Limits | None,
         move_into_place(partial, real, replace=target.replace)  # while no other export can write it
 
 
-def _row(path: Path, identifier: str, limits: Limits | None, listed: _Listed | None) -> HostedMesh:
+def _row(path: Path, identifier: str, limits: Limits | None, listed: _Listed | None) -> ListedMesh:
     """The line of the list for a file, with what was listed of it beside what it holds."""
     reader = ContainerReader(limits)
     with path.open("rb") as file:
@@ -280,7 +280,7 @@ def _row(path: Path, identifier: str, limits: Limits | None, listed: _Listed | N
     header = reader.header
     if header is None:
         raise ContainerError(f"{shown(path)} is not a whole .tide file; delete it and export again")
-    own = HostedMesh(
+    own = ListedMesh(
         id=identifier,
         name=listed_name(path) if listed is None else listed.file,
         status="ready",

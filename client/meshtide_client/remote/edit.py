@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from meshtide_client.remote.listing import HostedMesh
+    from meshtide_client.remote.listing import ListedMesh
 
 _TIMEOUT = 30.0
 _LONGEST_TAG = 1000
@@ -40,7 +40,7 @@ def change_mesh(
     timeout: float = _TIMEOUT,
     token: str | None = None,
     ca_file: Path | str | None = None,
-) -> HostedMesh:
+) -> ListedMesh:
     """Change what a server says of a published mesh, without encoding it again; what is None stays as it is.
 
     Args:

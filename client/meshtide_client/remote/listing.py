@@ -42,7 +42,7 @@ class BoundingBox:
 
 
 @dataclass(frozen=True, slots=True)
-class HostedMesh:
+class ListedMesh:
     """One mesh of a server.
 
     Args:
@@ -98,7 +98,7 @@ def list_meshes(
     token: str | None = None,
     ca_file: Path | str | None = None,
     progress: Callable[[int], None] = lambda _: None,
-) -> tuple[HostedMesh, ...]:
+) -> tuple[ListedMesh, ...]:
     """The meshes of the server at `url`, such as ``http://localhost:8000``, or of a static copy of one.
 
     Args:
@@ -126,8 +126,8 @@ def _all_pages(
     wanted: list[Parameter],
     limit: int | None,
     progress: Callable[[int], None],
-) -> tuple[HostedMesh, ...]:
-    meshes: list[HostedMesh] = []
+) -> tuple[ListedMesh, ...]:
+    meshes: list[ListedMesh] = []
     after: str | None = None
     while True:
         answer = _page(client, server, _query(wanted, after, None if limit is None else limit - len(meshes)))
@@ -169,7 +169,7 @@ def _page(client: WebClient, server: ServerAddress, query: list[Parameter]) -> _
     return answer
 
 
-def _meshes(server: ServerAddress, value: Any) -> list[HostedMesh]:  # noqa: ANN401 - anything may come
+def _meshes(server: ServerAddress, value: Any) -> list[ListedMesh]:  # noqa: ANN401 - anything may come
     try:
         if isinstance(value, dict):
             value = value.get("meshes")
@@ -202,7 +202,7 @@ def _next_id(answer: Answer) -> str | None:
     return None if found is None else found[:_LONGEST_TEXT]
 
 
-def hosted_mesh(row: Mapping[str, Any]) -> HostedMesh:
+def hosted_mesh(row: Mapping[str, Any]) -> ListedMesh:
     """A mesh as a server describes it in its list.
 
     Raises:
@@ -221,7 +221,7 @@ def hosted_mesh(row: Mapping[str, Any]) -> HostedMesh:
     def corner(name: str) -> tuple[float, ...]:
         return tuple(plain_values.number(value, name) for value in plain_values.array(row["box"][name], name, 3))
 
-    return HostedMesh(
+    return ListedMesh(
         id=text("id"),
         name=text("name"),
         status=text("status"),

@@ -105,8 +105,8 @@ class GilbertElliott:
         OptionError: a value out of range, or a chain that never moves.
 
     >>> model = GilbertElliott.with_mean(0.05, burst=10)
-    >>> round(model.mean_loss, 12), round(model.mean_burst, 12)
-    (0.05, 10.0)
+    >>> round(model.mean_loss, 12), model.r
+    (0.05, 0.1)
     """
 
     name: ClassVar[str] = "gilbert"
@@ -151,20 +151,6 @@ class GilbertElliott:
         """Probability that a packet is lost, in the long run."""
         return self.bad_share * self.bad + (1 - self.bad_share) * self.good
 
-    @property
-    def mean_burst(self) -> float:
-        """Mean number of packets lost in a row: P(lost) / P(lost, and the one before was not); NaN if none is lost.
-
-        With nothing lost in the good state and everything in the bad one it is 1 / r.
-        """
-        bad = self.bad_share
-        twice = bad * self.bad * ((1 - self.r) * self.bad + self.r * self.good)
-        twice += (1 - bad) * self.good * (self.p * self.bad + (1 - self.p) * self.good)
-        if self.mean_loss == 0.0:
-            return float("nan")
-        begins = self.mean_loss - twice
-        return self.mean_loss / begins if begins > 0.0 else float("inf")
-
     def losses(self, uniforms: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which of k packets are lost, given numbers (k, 2) in [0, 1): one moves the chain, one decides there."""
         bad = bool(len(uniforms)) and float(uniforms[0, 0]) < self.bad_share
@@ -192,13 +178,3 @@ class GilbertElliott:
 def datagrams(fate: Fate, unit: int) -> int:
     """How many datagrams a packet takes: at least one."""
     return max(1, -(-fate.entry.length // unit)) if unit else 1
-
-
-def loss_runs(lost: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Lengths of the runs of losses.
-
-    >>> loss_runs(np.array([True, False, True, True]))
-    array([1, 2])
-    """
-    edges = np.flatnonzero(np.diff(np.r_[False, lost, False].astype(np.int8)))
-    return edges[1::2] - edges[::2]

@@ -22,7 +22,7 @@ from meshtide_codec.reference.header import (
     PARAM,
     TAUBIN,
     ZEROTH,
-    ClassicOptions,
+    ClassicHeader,
     Header,
     Key,
 )
@@ -158,7 +158,7 @@ def _middle(cell: list[int], shift: int) -> list[float]:
 # ---- Prediction
 
 
-def _coefficients(options: ClassicOptions, payload: bytes | None) -> list[list[float]] | None:
+def _coefficients(options: ClassicHeader, payload: bytes | None) -> list[list[float]] | None:
     """Of x, y and z; None if they are missing."""
     count = options.coefficient_count
     if count == 0:
@@ -195,7 +195,7 @@ def is_safe(denominator: list[float]) -> bool:
 
 
 def _predicted(
-    coarse: Positions, parents: list[int], faces: list[Point], options: ClassicOptions, coefficients: list[list[float]]
+    coarse: Positions, parents: list[int], faces: list[Point], options: ClassicHeader, coefficients: list[list[float]]
 ) -> Positions:
     """Each vertex starts where its parent is; then the filter is applied to each coordinate."""
     graph = Graph(faces, len(parents))
@@ -234,7 +234,7 @@ class Graph:
         return total
 
 
-def predict(graph: Graph, x: Column, options: ClassicOptions, coefficients: list[float]) -> Column:
+def predict(graph: Graph, x: Column, options: ClassicHeader, coefficients: list[float]) -> Column:
     """One coordinate of the prediction from the same coordinate of the extension."""
     if options.filter == ZEROTH:
         return x

@@ -191,7 +191,6 @@ def _logistic_tables() -> tuple[list[int], list[int]]:
 
 
 STRETCH, SQUASH = _logistic_tables()
-WEIGHT_ONE = 1 << 14
 NUMBERS = 8  # inputs of a neuron that are not contexts
 
 

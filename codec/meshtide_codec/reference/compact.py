@@ -13,7 +13,7 @@ from meshtide_codec.reference import candidates, diff
 from meshtide_codec.reference.coding import RangeDecoder, trained
 from meshtide_codec.reference.diff import Slice
 from meshtide_codec.reference.faces import FacesDecoder
-from meshtide_codec.reference.header import BASE, DIFF, MAP_CONN, PREVIEW, CompactOptions, Key, Reader
+from meshtide_codec.reference.header import BASE, DIFF, MAP_CONN, PREVIEW, CompactHeader, Key, Reader
 from meshtide_codec.reference.levels import Level, Point, root
 from meshtide_codec.reference.map import DEFAULT_SHAPE, HIGH_SHAPE, MapDecoder
 
@@ -154,7 +154,7 @@ def decode_compact(header: Header, payloads: dict[Key, bytes]) -> dict[int, Draw
     return drawn
 
 
-def _decode_levels(header: Header, options: CompactOptions, payloads: dict[Key, bytes]) -> Hierarchy:
+def _decode_levels(header: Header, options: CompactHeader, payloads: dict[Key, bytes]) -> Hierarchy:
     """The levels of Base and Map&Conn packets, as far as they go."""
     hierarchy = Hierarchy(
         header.bits,
@@ -176,7 +176,7 @@ def _decode_levels(header: Header, options: CompactOptions, payloads: dict[Key, 
     return hierarchy
 
 
-def _decode_preview(header: Header, options: CompactOptions, level: int, payload: bytes) -> Drawn:
+def _decode_preview(header: Header, options: CompactHeader, level: int, payload: bytes) -> Drawn:
     """A mesh of its own, in a cube of its own bits, in one payload."""
     if not 0 < level - (header.bits - options.base_depth) <= options.previews:
         raise PacketError("this stream has no such packet", level=level)

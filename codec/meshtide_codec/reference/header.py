@@ -92,7 +92,7 @@ class Reader:
 
 
 @dataclass(frozen=True)
-class Packet:
+class PacketEntry:
     """A row of the packet table."""
 
     kind: int
@@ -103,7 +103,7 @@ class Packet:
 
 
 @dataclass(frozen=True)
-class State:
+class LevelEntry:
     """A row of the level table: what can be shown with the first packets; distances are fractions of the diagonal."""
 
     level: int
@@ -115,7 +115,7 @@ class State:
 
 
 @dataclass
-class CompactOptions:
+class CompactHeader:
     """What profile compact says of itself.
 
     Attributes:
@@ -138,7 +138,7 @@ class CompactOptions:
 
 
 @dataclass
-class ClassicOptions:
+class ClassicHeader:
     """What profile classic says of itself.
 
     Attributes:
@@ -174,12 +174,12 @@ class Header:
     bits: int
     origin: list[float]
     extent: float
-    packets: list[Packet]
-    states: list[State]
-    compact: CompactOptions | None = None
-    classic: ClassicOptions | None = None
+    packets: list[PacketEntry]
+    states: list[LevelEntry]
+    compact: CompactHeader | None = None
+    classic: ClassicHeader | None = None
 
-    def state_of(self, level: int) -> State:
+    def state_of(self, level: int) -> LevelEntry:
         """The last state of a level.
 
         Raises:
@@ -287,7 +287,7 @@ def _read_packets(reader: Reader, header: Header) -> None:
         seen.add((kind, level, part))
         length = reader.number()
         (checksum,) = struct.unpack("<I", reader.take(4))
-        header.packets.append(Packet(kind, level, part, length, checksum))
+        header.packets.append(PacketEntry(kind, level, part, length, checksum))
         if completes == 2:
             for _ in range(reader.number()):
                 _read_state(reader, header, reader.number(), same_size=False)
@@ -307,7 +307,7 @@ def _read_state(reader: Reader, header: Header, level: int, *, same_size: bool) 
     if level > MOST_LEVEL or vertices < 1 or faces < 0:
         reader.fail("a state of no level, or of a size that no mesh has")
     rms, maximum = distances(reader.take(2))
-    header.states.append(State(level, len(header.packets), vertices, faces, rms, maximum))
+    header.states.append(LevelEntry(level, len(header.packets), vertices, faces, rms, maximum))
 
 
 def distances(stored: bytes) -> tuple[float, float]:
@@ -322,7 +322,7 @@ def distances(stored: bytes) -> tuple[float, float]:
     return rms, LARGEST_DISTANCE if q == 31 else min(rms * ((4 + q % 4) * 2.0 ** (q // 4 - 2)), LARGEST_DISTANCE)
 
 
-def _read_compact(reader: Reader, header: Header) -> CompactOptions:
+def _read_compact(reader: Reader, header: Header) -> CompactHeader:
     bases = [header.bits - packet.level for packet in header.packets if packet.kind == BASE]
     diffs = sorted({header.bits - packet.level for packet in header.packets if packet.kind == DIFF})
     previews = sum(packet.kind == PREVIEW for packet in header.packets)
@@ -333,7 +333,7 @@ def _read_compact(reader: Reader, header: Header) -> CompactOptions:
             reader.fail("a compact stream has no Param packets")
         if packet.kind == MAP_CONN:
             header.state_of(packet.level)
-    options = CompactOptions(bases[0], diffs, previews)
+    options = CompactHeader(bases[0], diffs, previews)
     flags = reader.number()
     if flags > 7:
         reader.fail("options of a compact stream that there are not")
@@ -364,7 +364,7 @@ def _read_slices(reader: Reader, header: Header, slices: list[int]) -> None:
             reader.fail("slices that do not ascend in the cube")
 
 
-def _read_classic(reader: Reader, header: Header) -> ClassicOptions:
+def _read_classic(reader: Reader, header: Header) -> ClassicHeader:
     levels = reader.byte()
     if not 1 <= levels <= header.bits + 1:
         reader.fail("not as many levels as B allows")
@@ -374,7 +374,7 @@ def _read_classic(reader: Reader, header: Header) -> ClassicOptions:
     diffs = reader.number()
     if diffs >> (levels - 1):
         reader.fail("a Diff of a level that is not predicted")
-    options = ClassicOptions(shifts, [level for level in range(levels) if diffs >> level & 1], reader.byte())
+    options = ClassicHeader(shifts, [level for level in range(levels) if diffs >> level & 1], reader.byte())
     _read_filter(reader, options)
     if reader.position != len(reader.data):
         reader.fail("bytes follow the options")
@@ -385,7 +385,7 @@ def _read_classic(reader: Reader, header: Header) -> ClassicOptions:
     return options
 
 
-def _read_filter(reader: Reader, options: ClassicOptions) -> None:
+def _read_filter(reader: Reader, options: ClassicHeader) -> None:
     if options.filter > RATIONAL:
         reader.fail("a filter of no known kind")
     if options.filter == TAUBIN:

@@ -185,7 +185,7 @@ class MapDecoder:
                 leaves += leaf
                 inner += 1 - leaf
 
-    def _decide(self, question: Question, part: int) -> int:
+    def _decide(self, question: MapQuestion, part: int) -> int:
         """One decision: about an octant (0), or a child (1)."""
         contexts, neurons = (HIGH_CONTEXTS, HIGH_NEURONS) if self._high else (DEFAULT_CONTEXTS, DEFAULT_NEURONS)
         place_of = part * sum(contexts[0])
@@ -200,7 +200,7 @@ class MapDecoder:
         opposed = [False] * len(places)
         return self._mixer.bit(self._decoder, places, opposed, question.numbers, asked, question.final_neuron)
 
-    def _octant_question(self, s: Survey, c: CellFacts, rank: int, path: int, answer: int) -> Question:
+    def _octant_question(self, s: Survey, c: CellFacts, rank: int, path: int, answer: int) -> MapQuestion:
         """Is the octant occupied?"""
         octant = s.octant(rank)
         count = path.bit_count() - 1
@@ -251,11 +251,11 @@ class MapDecoder:
             ]
         level = height if s.oriented else 0
         numbers = [256, abs(level), level, inhabited * 256, bare * 256, votes * 256, c.spacing * 128, c.degree * 128]
-        return Question(contexts, neurons, rank, numbers)
+        return MapQuestion(contexts, neurons, rank, numbers)
 
     def _child_question(
         self, s: Survey, c: CellFacts, rank: int, octants: int, ranks: int, *, inner: int, leaves: int, answer: int
-    ) -> Question:
+    ) -> MapQuestion:
         """Is the child a leaf?"""
         octant = s.octant(rank)
         count = octants.bit_count()
@@ -303,7 +303,7 @@ class MapDecoder:
             near_inner * 256,
             leaf_votes * 256,
         ]
-        return Question(contexts, neurons, 8 + place, numbers)
+        return MapQuestion(contexts, neurons, 8 + place, numbers)
 
     def _learn(self, cell: Cell, survey: Survey, facts: CellFacts, made: Made, ranks: int) -> None:
         """The cell as those after it will see it."""
@@ -322,7 +322,7 @@ class MapDecoder:
 
 
 @dataclass
-class Question:
+class MapQuestion:
     """Of a decision: places within each block of contexts, neurons within each block, final neuron, numbers."""
 
     contexts: list[int]

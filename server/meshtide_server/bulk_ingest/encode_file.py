@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.errors import MeshtideError
 from meshtide_server.bulk_ingest.idle_encoders import encoder_taken
-from meshtide_server.encoding.process import EncodingFailedError, Job
+from meshtide_server.encoding.process import EncoderTask, EncodingFailedError
 from meshtide_server.hosting.stream_cache import codec_digest, file_digest
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ async def encode_file(
 
 
 async def _encode(task: FileTask, path: Path, progress: Progress) -> FileOutcome:
-    job = Job(path, None, task.digest, task.options, (), task.limits, task.stream_limits)
+    job = EncoderTask(path, None, task.digest, task.options, (), task.limits, task.stream_limits)
     reason = ""
     for _ in range(ATTEMPTS):
         try:

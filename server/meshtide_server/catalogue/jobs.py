@@ -57,20 +57,6 @@ class Jobs:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def enqueue(self, mesh_id: str, source_key: str, options: Mapping[str, Any] | None = None) -> Job:
-        """Have an uploaded file encoded.
-
-        Args:
-            mesh_id: the mesh, which is in the catalogue.
-            source_key: the file in the store.
-            options: how to encode it, as JSON knows it.
-
-        Raises:
-            UnknownMeshError: there is no such mesh.
-        """
-        async with self._database.writing() as connection:
-            return await enqueue_job(connection, mesh_id, source_key, options)
-
     async def get(self, job_id: str) -> Job:
         """The job of that id.
 
@@ -240,7 +226,18 @@ async def enqueue_job(
     options: Mapping[str, Any] | None,
     told: Told | None = None,
 ) -> Job:
-    """Queue a job within a transaction; see `Jobs.enqueue`."""
+    """Have an uploaded file encoded, within a transaction.
+
+    Args:
+        connection: the transaction's.
+        mesh_id: the mesh, which is in the catalogue.
+        source_key: the file in the store.
+        options: how to encode it, as JSON knows it.
+        told: what the catalogue is to tell of the mesh once it is encoded.
+
+    Raises:
+        UnknownMeshError: there is no such mesh.
+    """
     await get_mesh(connection, mesh_id)
     job_id = uuid.uuid4().hex
     row = {

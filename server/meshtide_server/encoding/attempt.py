@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING
 from meshtide_codec.errors import MeshtideError
 from meshtide_codec.printable import printable
 from meshtide_server.catalogue import DatabaseUnavailableError, JobState, Status, UnknownJobError, UnknownMeshError
-from meshtide_server.encoding.process import EncodingFailedError
-from meshtide_server.encoding.process import Job as EncoderJob
+from meshtide_server.encoding.process import EncoderTask, EncodingFailedError
 from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.hosting.file_names import folders_of, without_folders
 from meshtide_server.hosting.mesh import TIDE_SUFFIX
@@ -230,7 +229,7 @@ class JobAttempt:
         digest = await asyncio.to_thread(file_digest, source)
         settings = self._settings
         limits = (settings.file_limits, settings.stream_limits)
-        job = EncoderJob(source, None, digest, self._options, (target,), *limits)
+        job = EncoderTask(source, None, digest, self._options, (target,), *limits)
         encoded = await encoder.encode(job, self._advance)
         for note in encoded.notes:
             logger.info("%s: %s", self._job.mesh_id, printable(note))

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from meshtide_codec.printable import printable
-from meshtide_server.encoding.process import EncoderProcess, Job
+from meshtide_server.encoding.process import EncoderProcess, EncoderTask
 from meshtide_server.store.range_reader import FileReader, MemoryReader
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class FolderQueue:
     async def _encode(self, waiting: Unencoded) -> None:
         mesh, place, digest = waiting
         source = mesh.source
-        job = Job(source.path, None if source.path else source.name, digest, self._options, place.paths)
+        job = EncoderTask(source.path, None if source.path else source.name, digest, self._options, place.paths)
         started = time.monotonic()
         encoded = await self._encoder.encode(job, _ProgressLog(mesh))
         logger.info("%s was encoded in %.1f s", mesh.id, time.monotonic() - started)

@@ -65,7 +65,7 @@ class ProcessLimits:
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class EncoderTask:
     """A mesh to be encoded, or a stream to be checked.
 
     Args:
@@ -135,7 +135,7 @@ class EncoderProcess:
         """Whether there is a process."""
         return self._process is not None and self._process.returncode is None
 
-    async def encode(self, job: Job, progress: Callable[[str, float], None]) -> Encoded:
+    async def encode(self, job: EncoderTask, progress: Callable[[str, float], None]) -> Encoded:
         """Do `job`; `progress` is called with stages and fractions.
 
         Raises:
@@ -188,7 +188,7 @@ class EncoderProcess:
             logger.debug("started the encoder's process, %d", self._process.pid)
         return self._process
 
-    async def _exchange(self, process: Process, job: Job, progress: Callable[[str, float], None]) -> Encoded:
+    async def _exchange(self, process: Process, job: EncoderTask, progress: Callable[[str, float], None]) -> Encoded:
         assert process.stdin is not None  # noqa: S101 - it was started with pipes
         assert process.stdout is not None  # noqa: S101 - the same
         process.stdin.write(job.line())

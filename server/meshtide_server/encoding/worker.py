@@ -33,7 +33,7 @@ NICENESS = 10
 """How far encoding steps back behind serving where processors are scarce."""
 STREAM_SUFFIX = ".tide"
 LONGEST_REASON = 2000
-"""Characters of a reason for a failure; a library's message may quote all of a file."""
+"""Characters of a reason for a failure; a package's message may quote all of a file."""
 
 
 class Reporter:
@@ -60,7 +60,7 @@ class Reporter:
 def main() -> None:
     """Do jobs until standard input ends, and with it, whatever is being done."""
     output = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever a library prints must not end up among the reports
+    os.dup2(2, 1)  # whatever a package prints must not end up among the reports
     if hasattr(os, "nice"):
         os.nice(NICENESS)
     memory, processor_seconds = (int(word) for word in sys.argv[1:])

@@ -16,7 +16,7 @@ from meshtide_server.store.range_reader import FileReader
 
 if TYPE_CHECKING:
     from meshtide_server.hosting.folder import FolderMeshes
-    from meshtide_server.hosting.mesh import HostedMesh, Source
+    from meshtide_server.hosting.mesh import HostedMesh, MeshSource
     from meshtide_server.hosting.stream import HostedStream
     from meshtide_server.settings import Settings
 
@@ -67,7 +67,7 @@ class Check:
             mesh.advance("waiting")
             self._folder.to_encode.put_nowait(Unencoded(mesh, place, digest))
 
-    def _place(self, source: Source) -> tuple[CachePlace, str]:
+    def _place(self, source: MeshSource) -> tuple[CachePlace, str]:
         """Where the stream of a mesh belongs, and the digest of the mesh."""
         digest = file_digest(source.path, lambda: self._folder.stopping) if source.path else f"sample {source.name}"
         directory = self._settings.directory if source.path else None

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from meshtide_codec.stream.mesh_query import MeshQuery
     from meshtide_server.catalogue import Status
-    from meshtide_server.hosting.mesh import Source
+    from meshtide_server.hosting.mesh import MeshSource
     from meshtide_server.hosting.packet_index import PacketPlace
     from meshtide_server.hosting.stream_cache import CachePlace
     from meshtide_server.store.range_reader import FileReader, MemoryReader
@@ -117,7 +117,7 @@ class FolderMeshes:
         """The ids that begin so."""
         return {mesh_id for mesh_id in self._meshes if mesh_id.startswith(start)}
 
-    def add(self, source: Source, mesh_id: str | None = None) -> None:
+    def add(self, source: MeshSource, mesh_id: str | None = None) -> None:
         """Host a file or a sample; it is checked next.
 
         Args:
@@ -193,7 +193,7 @@ class FolderMeshes:
         except StoppedError:
             raise asyncio.CancelledError from None
 
-    def _new_id(self, source: Source) -> str:
+    def _new_id(self, source: MeshSource) -> str:
         path, directory = source.path, self._directory
         if path is None or directory is None:
             return unique_id(source.name, "-sample", self._meshes)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_codec.printable import listed_name
-from meshtide_server.hosting.mesh import TIDE_SUFFIX, Source
+from meshtide_server.hosting.mesh import TIDE_SUFFIX, MeshSource
 from meshtide_server.store.range_reader import FileIdentity
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ MOST_FILES = 100_000
 """Files that are hosted."""
 
 
-def list_sources(directory: Path, *, recursive: bool = False) -> list[Source]:
+def list_sources(directory: Path, *, recursive: bool = False) -> list[MeshSource]:
     """The streams and meshes in a folder, streams first, in the order of their places in it.
 
     Args:
@@ -37,7 +37,7 @@ def list_sources(directory: Path, *, recursive: bool = False) -> list[Source]:
     Raises:
         OSError: the folder cannot be read; subfolders that cannot are left out.
     """
-    sources: list[Source] = []
+    sources: list[MeshSource] = []
     folders = [directory]
     while folders:
         folder = folders.pop()
@@ -57,7 +57,7 @@ def list_sources(directory: Path, *, recursive: bool = False) -> list[Source]:
                     if recursive and len(path.relative_to(directory).parts) <= DEEPEST:
                         folders.append(path)
                 elif _is_hosted(path) and path.is_file() and _is_within(path, directory):
-                    sources.append(Source(listed_name(path), path, FileIdentity.of(path.stat())))
+                    sources.append(MeshSource(listed_name(path), path, FileIdentity.of(path.stat())))
         if len(sources) > MOST_FILES:
             logger.warning("%s holds more than %d meshes; the others are not hosted", directory, MOST_FILES)
             break

@@ -18,7 +18,7 @@ from meshtide_server.hosting.file_names import folders_of
 from meshtide_server.hosting.folder import FolderMeshes
 from meshtide_server.hosting.following import follow
 from meshtide_server.hosting.identifiers import LONGEST_ID, slug
-from meshtide_server.hosting.mesh import Source
+from meshtide_server.hosting.mesh import MeshSource
 from meshtide_server.hosting.published import open_published
 from meshtide_server.hosting.scan import Scan
 
@@ -136,7 +136,7 @@ class Library:
         """Find the meshes and begin to work on them."""
         settings = self._settings
         for name in sample_names() if settings.samples else ():
-            self.folder.add(Source(name))
+            self.folder.add(MeshSource(name))
         if settings.directory is not None:
             scan = Scan(self.folder, settings.directory, recursive=settings.recursive, seconds=settings.rescan_seconds)
             await scan.look(settle=False)

@@ -19,7 +19,7 @@ TIDE_SUFFIX = ".tide"
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class MeshSource:
     """Where a mesh comes from.
 
     Args:
@@ -54,7 +54,7 @@ class HostedMesh:
     """
 
     id: str
-    source: Source
+    source: MeshSource
     status: Status = Status.ENCODING
     stage: str = "waiting"
     progress: float = 0.0

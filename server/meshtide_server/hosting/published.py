@@ -20,7 +20,7 @@ from meshtide_server.catalogue import Catalogue, Status, UnknownMeshError
 from meshtide_server.hosting.block_cache import BlockCache
 from meshtide_server.hosting.block_reader import BlockReader
 from meshtide_server.hosting.identifiers import is_id
-from meshtide_server.hosting.mesh import HostedMesh, Source
+from meshtide_server.hosting.mesh import HostedMesh, MeshSource
 from meshtide_server.hosting.packet_index import PacketIndex, PacketPlace
 from meshtide_server.hosting.single_flight import SingleFlight
 from meshtide_server.hosting.stream import HostedStream
@@ -292,7 +292,7 @@ def _damaged(what: str) -> DamagedObjectError:
 
 def shown(record: MeshRecord, stream: HostedStream | None = None) -> HostedMesh:
     """A mesh of the catalogue as the server shows it; one that is ready may have its stream looked up later."""
-    mesh = HostedMesh(record.id, Source(record.name), record=record)
+    mesh = HostedMesh(record.id, MeshSource(record.name), record=record)
     if record.state == Status.FAILED:
         mesh.fail(record.reason or "it failed")
     elif record.state == Status.READY:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from meshtide_server.hosting.folder import FolderMeshes
-    from meshtide_server.hosting.mesh import HostedMesh, Source
+    from meshtide_server.hosting.mesh import HostedMesh, MeshSource
 
 logger = logging.getLogger("meshtide.server")
 
@@ -70,11 +70,11 @@ class Scan:
                 mesh = known.get(source.path)
                 self._folder.add(source, mesh.id if mesh else None)
 
-    async def _list(self) -> list[Source]:
+    async def _list(self) -> list[MeshSource]:
         return await asyncio.to_thread(list_sources, self._directory, recursive=self._recursive)
 
 
-def _is_news(source: Source, known: Mapping[Path | None, HostedMesh]) -> bool:
+def _is_news(source: MeshSource, known: Mapping[Path | None, HostedMesh]) -> bool:
     """Whether a file is new or changed, or the stream that was made of it is gone."""
     mesh = known.get(source.path)
     if mesh is None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from meshtide_server.encoding.runner import JobRunner
     from meshtide_server.hosting.library import Library
-    from meshtide_server.http.websocket import Streams
+    from meshtide_server.http.websocket import RunningStreams
     from meshtide_server.operations.readiness import Readiness
     from meshtide_server.security.access import Access
     from meshtide_server.settings import Settings
@@ -39,7 +39,7 @@ class Parts:
     settings: Settings
     access: Access
     library: Library
-    streams: Streams
+    streams: RunningStreams
     jobs: JobRunner | None
     readiness: Readiness
     draining: asyncio.Event

@@ -1,6 +1,6 @@
 """A protocol in front of another one: it hands on what arrives in pieces that it has looked at, a few in each turn.
 
-What stands behind it, a library's protocol, keeps whatever it is given, and works off what it is given in one go. So
+What stands behind it, another package's protocol, keeps whatever it is given, and works it off in one go. So
 bytes wait here, where they are counted: of what a client sends without pause a few pieces are handed on before others
 have their turn, and while any wait, nothing more is read from the socket, so that no more than one read's worth is ever
 held. It relies on asyncio's protocols and transports alone.

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from starlette.routing import BaseRoute
     from starlette.types import ASGIApp, Receive, Scope, Send
 
+WHOLE_SERVER = "*"
+"""What OPTIONS asks about when it is not about one address (RFC 9110, section 9.3.7)."""
+
 
 def add_heads(router: APIRouter) -> APIRouter:
     """Have `router` answer HEAD like GET wherever it does not yet; the server below leaves the body out."""
@@ -39,8 +42,9 @@ def add_heads(router: APIRouter) -> APIRouter:
 
 
 def allowed_methods(routes: Iterable[BaseRoute], path: str) -> list[str]:
-    """The methods that `path` knows, in alphabetical order; none if there is nothing at it."""
-    found = {method for route in _routes(routes) if route.path_regex.match(path) for method in _methods(route)}
+    """The methods that `path` knows, in alphabetical order; none if there is nothing at it; "*" is the whole server."""
+    asked = [route for route in _routes(routes) if path == WHOLE_SERVER or route.path_regex.match(path)]
+    found = {method for route in asked for method in _methods(route)}
     return sorted(found | {"OPTIONS"}) if found else []
 
 

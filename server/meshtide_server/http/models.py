@@ -162,7 +162,7 @@ def _sizes(mesh: HostedMesh) -> tuple[int | None, int | None, int | None, int | 
     return None, None, None, None
 
 
-class Level(BaseModel):
+class LevelRow(BaseModel):
     """One state that a client can show."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_LEVEL]})
@@ -245,7 +245,7 @@ class MeshDetail(BaseModel):
     origin: tuple[float, float, float] = Field(description="Position of grid point (0, 0, 0).")
     extent: float = Field(description="Length of the grid's side.")
     bytes: int = Field(description="Size of the whole .tide file.")
-    levels: list[Level] = Field(description="In the order in which they become complete.")
+    levels: list[LevelRow] = Field(description="In the order in which they become complete.")
     packets: list[PacketRow] = Field(description="In transmission order.")
 
     @classmethod
@@ -274,7 +274,7 @@ class MeshDetail(BaseModel):
             extent=header.extent,
             bytes=stream.size,
             levels=[
-                Level(
+                LevelRow(
                     level=row.level,
                     packets=row.packet_count,
                     bytes=stream.level_bytes(row),

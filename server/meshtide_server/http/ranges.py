@@ -21,7 +21,7 @@ LONGEST_NUMBER = 19
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RangeAnswer:
     """What to answer.
 
     Args:
@@ -35,7 +35,7 @@ class Plan:
     end: int
 
 
-def plan(method: str, headers: Mapping[str, str], etag: str, size: int) -> Plan:
+def plan(method: str, headers: Mapping[str, str], etag: str, size: int) -> RangeAnswer:
     """What to answer to a request for a file of `size` bytes with the strong entity tag `etag`.
 
     Args:
@@ -45,15 +45,15 @@ def plan(method: str, headers: Mapping[str, str], etag: str, size: int) -> Plan:
         size: of the file, in bytes.
 
     >>> plan("GET", {"range": "bytes=-10"}, '"a"', 100)
-    Plan(status=<HTTPStatus.PARTIAL_CONTENT: 206>, start=90, end=100)
+    RangeAnswer(status=<HTTPStatus.PARTIAL_CONTENT: 206>, start=90, end=100)
     """
     wanted = headers.get("if-match")
     if wanted is not None and wanted.strip() != "*" and etag not in _TAGS.findall(wanted):
-        return Plan(HTTPStatus.PRECONDITION_FAILED, 0, 0)
+        return RangeAnswer(HTTPStatus.PRECONDITION_FAILED, 0, 0)
     held = headers.get("if-none-match")
     if held is not None and (held.strip() == "*" or etag in [tag.removeprefix("W/") for tag in _TAGS.findall(held)]):
-        return Plan(HTTPStatus.NOT_MODIFIED, 0, 0)
-    whole = Plan(HTTPStatus.OK, 0, size)
+        return RangeAnswer(HTTPStatus.NOT_MODIFIED, 0, 0)
+    whole = RangeAnswer(HTTPStatus.OK, 0, size)
     text = headers.get("range")
     if method != "GET" or text is None or headers.get("if-range", etag).strip() != etag:
         return whole
@@ -68,8 +68,8 @@ def plan(method: str, headers: Mapping[str, str], etag: str, size: int) -> Plan:
     else:
         start, end = _position(first), min(_position(last) + 1, size) if last else size
     if start >= end:
-        return Plan(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, 0, 0)
-    return Plan(HTTPStatus.PARTIAL_CONTENT, start, end)
+        return RangeAnswer(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, 0, 0)
+    return RangeAnswer(HTTPStatus.PARTIAL_CONTENT, start, end)
 
 
 def _position(digits: str) -> int:

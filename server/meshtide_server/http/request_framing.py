@@ -19,6 +19,8 @@ LONGEST_CHUNK_LINE = 1024
 """Bytes of the line before a chunk, which tells its length."""
 _LENGTH_LINES = re.compile(rb"\r\n(content-length|transfer-encoding):[ \t]*([^\r\n]*?)[ \t]*(?=\r\n)")
 _LENGTH = re.compile(rb"[0-9]{1,18}")
+_HOST_LINES = re.compile(rb"\r\nhost:[ \t]*([^\r\n]*?)[ \t]*(?=\r\n)", re.IGNORECASE)
+_HOST = re.compile(rb"(?:\[[0-9A-Za-z:.]+\]|[0-9A-Za-z\-._~%!$&'()*+,;=]*)(?::[0-9]*)?")
 _CHUNK_LINE = re.compile(rb"([0-9A-Fa-f]{1,15})(?:;[^\r\n]*)?")
 
 
@@ -120,6 +122,24 @@ def body_of(head: bytes) -> int | Body:
     if value != b"chunked" or not request.endswith(b" HTTP/1.1"):
         raise _malformed("its Transfer-Encoding is not chunked, the only one that is known here")
     return Body.CHUNKS
+
+
+def check_host(head: bytes) -> None:
+    r"""Refuse a whole head that does not name the host that it asks, as section 3.2 demands of HTTP/1.1.
+
+    Raises:
+        RequestError: 400.
+
+    >>> check_host(b"GET / HTTP/1.1\r\nHost: [::1]:8000\r\n\r\n")
+    >>> check_host(b"GET / HTTP/1.0\r\n\r\n")
+    """
+    found = _HOST_LINES.findall(head)
+    if not found and not head.partition(b"\r\n")[0].endswith(b" HTTP/1.1"):
+        return
+    if len(found) != 1:
+        raise _malformed(f"it has {len(found)} Host headers; send one")
+    if not _HOST.fullmatch(found[0]):
+        raise _malformed("its Host is not the name of one, with or without a port")
 
 
 def chunk_size(line: bytes) -> int:

@@ -21,6 +21,7 @@ from meshtide_server.http.request_framing import (
     HeadLimits,
     RequestError,
     body_of,
+    check_host,
     chunk_size,
 )
 from meshtide_server.operations.logs import HEADER, accepted_id
@@ -122,6 +123,7 @@ class RequestGate(Gate):
         head = bytes(waiting[:end])
         self._limits.check_count(head.count(_LINE_END) - 2)
         body = body_of(head)
+        check_host(head)
         self._lift_deadline()
         self.connection.asked()
         if body is Body.CHUNKS:

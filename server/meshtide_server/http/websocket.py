@@ -92,7 +92,7 @@ _GIVEN_UP = Farewell(1000)
 """The answer to a client that gave up."""
 
 
-class Streams:
+class RunningStreams:
     """All streams that are running.
 
     Args:

@@ -84,7 +84,7 @@ class LocalStore:
     async def put(self, key: str, data: Data) -> ObjectInfo:
         """Make or replace an object."""
         path = self.path(key)
-        part = await self._in_thread(key, lambda: _Part(self._parts))
+        part = await self._in_thread(key, lambda: _PartialFile(self._parts))
         try:
             if isinstance(data, bytes):
                 await self._in_thread(key, lambda: part.write(data))
@@ -152,7 +152,7 @@ class LocalStore:
         return f"LocalStore({self.root})"
 
 
-class _Part:
+class _PartialFile:
     """A partial file, locked while it is written."""
 
     def __init__(self, folder: Path) -> None:

@@ -15,7 +15,6 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from damage import damaged, other_bytes
 
-from meshes import grid, shapes, soup
 from meshtide_codec.classic.options import ClassicOptions
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.effort import Effort
@@ -23,6 +22,7 @@ from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshtideError, StreamError
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.stream.container import read_container, write_container
+from meshtide_codec.testing import grid, shapes, soup
 
 IDS = tuple(f"upload-{number}" for number in range(12))
 """Ids under which meshes are put, replaced, read and deleted."""

@@ -141,9 +141,11 @@ def folder_with_bunny() -> Iterator[tuple[Path, EncodedMesh]]:
 
 
 @contextmanager
-def meshtide_server(*arguments: object, environment: dict[str, str] | None = None) -> Iterator[Process]:
+def meshtide_server(
+    *arguments: object, environment: dict[str, str] | None = None, python: str = sys.executable
+) -> Iterator[Process]:
     """`python -m meshtide_server` on a free port, ready."""
-    command = [sys.executable, "-m", "meshtide_server", *map(str, arguments), "--announce", "--log-level", "error"]
+    command = [python, "-m", "meshtide_server", *map(str, arguments), "--announce", "--log-level", "error"]
     if "--port" not in arguments:
         command += ["--port", "0"]
     with process_of(command, environment) as popen:

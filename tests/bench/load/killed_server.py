@@ -23,11 +23,11 @@ from hosting import Row
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from meshes import grid
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 from upload_server import TOKEN, taking_uploads
 
 BITS = 8

@@ -115,8 +115,6 @@ async def test_jobs_go_with_their_meshes(catalogue: Catalogue) -> None:
     assert not await catalogue.jobs.heartbeat(job.id, "me", "levels", 0.5)
     with pytest.raises(UnknownJobError, match="there is no job"):
         await catalogue.jobs.get(job.id)
-    with pytest.raises(UnknownMeshError):
-        await catalogue.jobs.enqueue("a", "sources/a.obj")
 
 
 async def test_a_mesh_is_replaced_only_on_demand(catalogue: Catalogue) -> None:

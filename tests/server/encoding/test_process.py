@@ -16,7 +16,7 @@ import pytest
 
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.stream.container import read_container
-from meshtide_server.encoding.process import EncoderProcess, EncodingFailedError, Job, ProcessLimits
+from meshtide_server.encoding.process import EncoderProcess, EncoderTask, EncodingFailedError, ProcessLimits
 from meshtide_server.encoding_options import EncodingOptions
 from meshtide_server.hosting.stream_cache import file_digest
 
@@ -32,8 +32,8 @@ async def encoder() -> AsyncIterator[EncoderProcess]:
     assert not process.running
 
 
-def job(file: Path, *targets: Path) -> Job:
-    return Job(file, None, file_digest(file), OPTIONS, targets)
+def job(file: Path, *targets: Path) -> EncoderTask:
+    return EncoderTask(file, None, file_digest(file), OPTIONS, targets)
 
 
 def quiet(stage: str, fraction: float) -> None:
@@ -67,7 +67,7 @@ async def test_one_process_stores_streams_reports_failures_and_goes_on(
         await encoder.encode(stale, quiet)
     assert not (tmp_path / "changed.tide").exists()
 
-    sample = Job(None, "spot", "sample spot", OPTIONS, ())
+    sample = EncoderTask(None, "spot", "sample spot", OPTIONS, ())
     assert read_container((await encoder.encode(sample, quiet)).data)[0].vertices > 2000
 
 
@@ -170,7 +170,7 @@ def faulty(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshtide_server.encoding.process.PROGRAM", FAULTY)
 
 
-def job_named(folder: Path, name: str) -> Job:
+def job_named(folder: Path, name: str) -> EncoderTask:
     """A job in which the faulty encoder does what the name says."""
     file = folder / f"{name}.obj"
     file.write_text("v 0 0 0")

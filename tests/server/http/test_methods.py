@@ -3,6 +3,7 @@
 import re
 import socket
 from collections.abc import Iterator
+from http.client import HTTPConnection
 from pathlib import Path
 
 import httpx
@@ -108,6 +109,19 @@ def test_options_and_refusals_tell_all_methods(live: LiveServer, addresses: dict
             assert refused.headers["allow"].split(", ") == expected, (method, path)
             assert refused.json()["error"] == "method-not-allowed"
     assert httpx.options(f"{live.url}/nothing/here").status_code == 404
+
+
+def test_the_whole_server_is_asked_with_a_star(live: LiveServer) -> None:
+    host, port = live.url.removeprefix("http://").split(":")
+    answers = []
+    for method in ("OPTIONS", "GET"):
+        connection = HTTPConnection(host, int(port), timeout=10.0)
+        connection.request(method, "*")
+        answers.append(connection.getresponse())
+        connection.close()
+    assert answers[0].status == 204
+    assert answers[0].headers["Allow"] == "DELETE, GET, HEAD, OPTIONS, PATCH, POST, PUT"
+    assert answers[1].status == 404
 
 
 def test_pages_of_other_origins_are_told_what_they_may_do(live: LiveServer) -> None:

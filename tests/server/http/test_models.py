@@ -1,7 +1,7 @@
 import json
 
 from meshtide_server.catalogue import Status
-from meshtide_server.hosting.mesh import HostedMesh, Source
+from meshtide_server.hosting.mesh import HostedMesh, MeshSource
 from meshtide_server.hosting.stream import load_stream
 from meshtide_server.http.models import MeshDetail, MeshSummary
 from meshtide_server.store.range_reader import MemoryReader
@@ -10,7 +10,7 @@ from ..made_streams import make_stream
 
 
 def test_summary_follows_the_state() -> None:
-    mesh = HostedMesh("a", Source("a.obj"))
+    mesh = HostedMesh("a", MeshSource("a.obj"))
     mesh.advance("levels", 1.5)
     summary = MeshSummary.of(mesh)
     assert (summary.status, summary.stage, summary.progress, summary.vertices) == ("encoding", "levels", 1.0, None)
@@ -23,6 +23,6 @@ def test_summary_follows_the_state() -> None:
 
 def test_detail_is_strict_json() -> None:
     stream = load_stream(MemoryReader(make_stream()))
-    text = MeshDetail.of(HostedMesh("a", Source("a.tide")), stream).model_dump_json()
+    text = MeshDetail.of(HostedMesh("a", MeshSource("a.tide")), stream).model_dump_json()
     assert "NaN" not in text
     assert json.loads(text)["bytes"] == stream.size

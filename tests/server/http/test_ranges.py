@@ -4,16 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshtide_server.http.ranges import Plan, plan
+from meshtide_server.http.ranges import RangeAnswer, plan
 
 TAG = '"tag"'
 SIZE = 1000
-WHOLE = Plan(HTTPStatus.OK, 0, SIZE)
-UNSATISFIABLE = Plan(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, 0, 0)
+WHOLE = RangeAnswer(HTTPStatus.OK, 0, SIZE)
+UNSATISFIABLE = RangeAnswer(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, 0, 0)
 
 
-def part(start: int, end: int) -> Plan:
-    return Plan(HTTPStatus.PARTIAL_CONTENT, start, end)
+def part(start: int, end: int) -> RangeAnswer:
+    return RangeAnswer(HTTPStatus.PARTIAL_CONTENT, start, end)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def part(start: int, end: int) -> Plan:
         ("", WHOLE),
     ],
 )
-def test_one_range(text: str, expected: Plan) -> None:
+def test_one_range(text: str, expected: RangeAnswer) -> None:
     assert plan("GET", {"range": text}, TAG, SIZE) == expected
 
 

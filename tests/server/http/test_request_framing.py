@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshtide_server.http.request_framing import Body, HeadLimits, RequestError, body_of, chunk_size
+from meshtide_server.http.request_framing import Body, HeadLimits, RequestError, body_of, check_host, chunk_size
 
 LIMITS = HeadLimits(line=20, size=100, headers=3)
 
@@ -53,6 +53,27 @@ def test_chunks_belong_to_version_1_1_and_a_tunnel_has_no_body() -> None:
         with pytest.raises(RequestError):
             body_of(line + b"\r\n\r\n")
     assert body_of(b"CONNECT a:1 HTTP/1.1\r\n\r\n") == 0
+
+
+@pytest.mark.parametrize("host", ["", "h", "a-b.example:8000", "127.0.0.1:80", "[::1]", "[::1]:8000", "a_b", "%41"])
+def test_hosts(host: str) -> None:
+    check_host(head("X: y", f"hOST:  {host} "))
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [(), ("X-Host: h",), ("Host: h", "Host: h"), ("Host: [::1",), ("Host: a b",), ("Host: a/b",), ("Host: a:b",)],
+)
+def test_who_does_not_name_one_host_is_refused(lines: tuple[str, ...]) -> None:
+    with pytest.raises(RequestError, match="malformed: .* Host") as refused:
+        check_host(head(*lines))
+    assert (refused.value.status, refused.value.code) == (400, "bad-request")
+
+
+def test_version_1_0_need_not_name_a_host_but_not_name_two() -> None:
+    check_host(b"GET /a HTTP/1.0\r\n\r\n")
+    with pytest.raises(RequestError, match="2 Host headers"):
+        check_host(b"GET /a HTTP/1.0\r\nHost: a\r\nHost: b\r\n\r\n")
 
 
 @pytest.mark.parametrize("line", [b"", b"g", b"-1", b"1 ", b"0x1", b"1" * 16, b";a", b"1;\n"])

@@ -27,9 +27,9 @@ from ..made_streams import make_stream
 
 LIMITS = HeadLimits(line=100, size=400, headers=10)
 PLAIN = b"GET /a HTTP/1.1\r\nHost: h\r\n\r\n"
-CHUNKS = b"PUT /a HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n"
+CHUNKS = b"PUT /a HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n"
 CHUNKS += b"3;x=y\r\nabc\r\nA\r\n0123456789\r\n0\r\nAfter: 1\r\n\r\n"
-LENGTH = b"PUT /a HTTP/1.1\r\nContent-Length: 30\r\n\r\n" + b"\r\n\r\nGET / HTTP/1.1\r\n" + bytes(10)
+LENGTH = b"PUT /a HTTP/1.1\r\nHost: h\r\nContent-Length: 30\r\n\r\n" + b"\r\n\r\nGET / HTTP/1.1\r\n" + bytes(10)
 
 
 class AnsweredAtOnce(Connection):
@@ -97,7 +97,7 @@ async def test_a_head_without_an_end_is_refused_after_so_many_bytes(start: bytes
 
 async def test_nothing_is_written_into_an_answer() -> None:
     gate, _, transport = made(connection=Connection())
-    gate.data_received(b"PUT /a HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nno length\r\n")
+    gate.data_received(b"PUT /a HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\nno length\r\n")
     assert transport.aborted
     assert not transport.written
     gate.connection_lost(None)
@@ -295,6 +295,29 @@ def test_large_but_allowed_requests_are_answered(folder: Path, serve: Callable[[
         answer = client.get(f"{live.url}/meshes", headers={f"x-{number}": "y" for number in range(101)})
         assert answer.status_code == 431
         assert answer.json()["error"] == "headers-too-large"
+
+
+def exchanged(live: LiveServer, request: bytes) -> bytes:
+    """What is answered until the server hangs up."""
+    host, port = live.url.removeprefix("http://").split(":")
+    answer = b""
+    with socket.create_connection((host, int(port)), timeout=10.0) as client:
+        client.sendall(request)
+        while data := client.recv(1 << 16):
+            answer += data
+    return answer
+
+
+def test_a_request_names_the_host_that_it_asks(folder: Path, serve: Callable[[Settings], LiveServer]) -> None:
+    live = serve(Settings(directory=folder, rescan_seconds=0))
+    answer = exchanged(live, b"GET /healthz HTTP/1.1\r\n\r\n")
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert json.loads(answer.partition(b"\r\n\r\n")[2])["error"] == "bad-request"
+    upgrade = b"GET /meshes/small/stream HTTP/1.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\r\n"
+    assert exchanged(live, upgrade).startswith(b"HTTP/1.1 400 ")
+    assert exchanged(live, b"GET /healthz HTTP/1.0\r\n\r\n").startswith(b"HTTP/1.1 200 ")
+    named = b"GET /healthz HTTP/1.1\r\nHost: h\r\nConnection: close\r\n\r\n"
+    assert exchanged(live, named).startswith(b"HTTP/1.1 200 ")
 
 
 def test_limits_are_settings(folder: Path, serve: Callable[[Settings], LiveServer]) -> None:

@@ -26,7 +26,7 @@ from meshtide_codec.stream.messages import (
     encode_message,
 )
 from meshtide_codec.stream.session import ClientSession, DoneEvent, HeaderEvent, PacketEvent, Until, error_frame
-from meshtide_server.hosting.mesh import HostedMesh, Source
+from meshtide_server.hosting.mesh import HostedMesh, MeshSource
 from meshtide_server.settings import Settings
 
 from ..conftest import LiveServer, running
@@ -175,7 +175,7 @@ def test_failed_mesh(live: LiveServer) -> None:
 
 
 def test_a_mesh_that_is_being_encoded_says_how_far_it_is(live: LiveServer) -> None:
-    mesh = HostedMesh("later", Source("later.obj"))
+    mesh = HostedMesh("later", MeshSource("later.obj"))
     mesh.advance("levels", 0.42)
     meshes = live.app.parts.library.folder._meshes
     meshes["later"] = mesh

@@ -10,8 +10,7 @@ import pytest
 
 from meshtide_server.store import StoreError
 from meshtide_server.store.local import PARTS, LocalStore
-
-from ..store_conformance import StoreConformance
+from meshtide_server.store.testing import StoreConformance
 
 WRITER = """
 import asyncio, sys

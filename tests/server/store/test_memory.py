@@ -1,8 +1,7 @@
 import pytest
 
 from meshtide_server.store.memory import MemoryStore
-
-from ..store_conformance import StoreConformance
+from meshtide_server.store.testing import StoreConformance
 
 
 class TestMemoryStore(StoreConformance):

@@ -10,9 +10,8 @@ import pytest
 from meshtide_codec.errors import OptionError
 from meshtide_server.store import StoreError
 from meshtide_server.store.s3 import S3Store, _credentials
+from meshtide_server.store.testing import StoreConformance
 from s3_server import BUCKET, free_port, running_s3_server
-
-from ..store_conformance import StoreConformance
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from meshtide_codec.limits import FileLimits
     from meshtide_codec.mesh_files.gltf.document import Document, Row
-    from meshtide_codec.mesh_files.gltf.meshopt import Packed
+    from meshtide_codec.mesh_files.gltf.meshopt import PackedView
     from meshtide_codec.mesh_files.source import Source
 
 _FREE_EXPANSION = 1 << 24
@@ -151,7 +151,7 @@ class Buffers:
         return self._beside[uri]
 
 
-def _length(row: Row, compressed: Packed | None, place: str) -> int:
+def _length(row: Row, compressed: PackedView | None, place: str) -> int:
     length = integer(row, "byteLength", place)
     if compressed is not None and compressed.count * compressed.stride != length:
         raise MeshFileError(

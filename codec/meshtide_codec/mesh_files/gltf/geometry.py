@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from meshtide_codec.mesh_files.gltf.accessors import Accessors
     from meshtide_codec.mesh_files.gltf.deformation import Pose
-    from meshtide_codec.mesh_files.gltf.primitives import Packed, Primitive
+    from meshtide_codec.mesh_files.gltf.primitives import DracoStream, Primitive
 
 _KINDS = {"NORMAL": Kind.NORMAL, "TEXCOORD": Kind.TEXCOORD, "COLOR": Kind.COLOR}
 _ROW_BYTES = 24
@@ -155,7 +155,7 @@ class Geometries:
             tables[name] = Table(self.accessors.array(index, primitive.where), form.normalized)
         return tables
 
-    def _unpacked(self, primitive: Primitive, packed: Packed) -> tuple[NDArray[np.int64], dict[str, Table]]:
+    def _unpacked(self, primitive: Primitive, packed: DracoStream) -> tuple[NDArray[np.int64], dict[str, Table]]:
         """Faces and attributes of a Draco stream, types as their accessors say; other attributes as accessors."""
         place = f"{DRACO} of {primitive.where}"
         stream = draco.decode(self.accessors.buffers.view(packed.view, place).tobytes())

@@ -35,7 +35,7 @@ _FILTERS: Mapping[str, tuple[Callable[[Bytes], Bytes] | None, frozenset[int]]] =
 
 
 @dataclass(frozen=True, slots=True)
-class Packed:
+class PackedView:
     """How a buffer view is compressed.
 
     Args:
@@ -75,7 +75,7 @@ class Packed:
             raise MeshFileError(f"a stream of {self.name} is damaged: {error}") from error
 
 
-def packed(view: Mapping[str, Any], where: str) -> Packed | None:
+def packed(view: Mapping[str, Any], where: str) -> PackedView | None:
     """How a buffer view is compressed, or None if it is not.
 
     Raises:
@@ -95,13 +95,13 @@ def packed(view: Mapping[str, Any], where: str) -> Packed | None:
         buffer, offset, length, stride, count = (
             integer(row, key, place, 0 if key == "byteOffset" else None) for key in keys
         )
-        found = Packed(name, buffer, offset, length, stride, count, mode, filtered)
+        found = PackedView(name, buffer, offset, length, stride, count, mode, filtered)
         _check(found, place)
         return found
     return None
 
 
-def _check(found: Packed, place: str) -> None:
+def _check(found: PackedView, place: str) -> None:
     if found.mode == "ATTRIBUTES":
         fits = found.stride % 4 == 0 and 4 <= found.stride <= 256 and found.stride in _FILTERS[found.filter][1]
     else:

@@ -32,7 +32,7 @@ _POSITION_TYPES = frozenset({"VEC3"})
 
 
 @dataclass(frozen=True, slots=True)
-class Packed:
+class DracoStream:
     """A primitive's Draco stream: its buffer view, and of its attributes the numbers by name."""
 
     view: int
@@ -62,7 +62,7 @@ class Primitive:
     indices: int | None
     material: int
     targets: tuple[Mapping[str, int], ...]
-    packed: Packed | None
+    packed: DracoStream | None
     vertices: int
     corners: int
     key: object
@@ -159,7 +159,7 @@ def _named(row: Row, key: str, where: str) -> list[tuple[str, object]]:
     return list(mapping(row, key, where).items())
 
 
-def _packed(row: Row, where: str) -> Packed | None:
+def _packed(row: Row, where: str) -> DracoStream | None:
     found = extension(row, DRACO, where)
     if found is None:
         return None
@@ -167,7 +167,7 @@ def _packed(row: Row, where: str) -> Packed | None:
     ids = {name: whole(value, name, place) for name, value in _named(found, "attributes", place)}
     if POSITION not in ids:
         raise MeshFileError(f"{place} has no POSITION")
-    return Packed(integer(found, "bufferView", place), ids)
+    return DracoStream(integer(found, "bufferView", place), ids)
 
 
 def _falls_back(accessors: Accessors, attributes: Mapping[str, int], indices: int | None, where: str) -> bool:

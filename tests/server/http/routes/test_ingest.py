@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 from pydantic import SecretStr
 
-from meshes import grid
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.decoder import decode
 from meshtide_codec.effort import Effort
 from meshtide_codec.encoder import encode
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.stream.container import read_container, write_container
+from meshtide_codec.testing import grid
 from meshtide_server.settings import Settings
 
 from ...conftest import TETRAHEDRON, LiveServer, running

@@ -6,7 +6,7 @@ import pytest
 from fastapi import FastAPI
 
 from meshtide_codec.stream.container import read_container
-from meshtide_server.hosting.mesh import Source
+from meshtide_server.hosting.mesh import MeshSource
 
 from ...made_streams import make_stream
 
@@ -160,7 +160,7 @@ async def test_other_refusals_are_json_too(client: httpx.AsyncClient) -> None:
 
 async def test_a_mesh_that_is_not_ready_says_how_far_it_is(app: FastAPI, client: httpx.AsyncClient) -> None:
     library = app.parts.library
-    library.folder.add(Source("later.obj"), "later")
+    library.folder.add(MeshSource("later.obj"), "later")
     library.known("later").advance("levels", 0.42)
     for path in ("/meshes/later", "/meshes/later.tide"):
         answer = await client.get(path)
@@ -208,7 +208,7 @@ async def test_openapi_describes_everything_with_examples(client: httpx.AsyncCli
         "Health",
         "MeshSummary",
         "MeshDetail",
-        "Level",
+        "LevelRow",
         "PacketRow",
         "JobStatus",
         "MeshChange",

@@ -1,17 +1,38 @@
-"""What every store must do: a test class that each store's test module inherits and gives a `store` fixture."""
+"""What every store must do: a test class to inherit, whoever wrote the store.
+
+    import pytest
+    from meshtide_server.store.testing import StoreConformance
+
+    class TestMyStore(StoreConformance):
+        @pytest.fixture
+        def store(self):
+            return MyStore()
+
+Needs pytest, pytest-asyncio and hypothesis (`pip install 'meshtide[testing]'`); nothing else of the package imports
+this module. `pytest.register_assert_rewrite("meshtide_server.store.testing")` in a conftest.py makes pytest tell what
+the two sides of a failed assertion were.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import AsyncIterator
 from contextlib import closing
+from typing import TYPE_CHECKING
 
-import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-
+from meshtide_codec.errors import MeshtideError
 from meshtide_server.store import InvalidKeyError, MissingObjectError, ObjectInfo, ObjectRangeError, Store, StoreError
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+try:
+    import pytest
+    import pytest_asyncio  # noqa: F401 - runs the tests
+    from hypothesis import HealthCheck, given, settings
+    from hypothesis import strategies as st
+except ModuleNotFoundError as error:
+    raise MeshtideError(f"meshtide_server.store.testing needs {error.name}: pip install 'meshtide[testing]'") from error
 
 FOREIGN_KEYS = (
     "",
@@ -39,17 +60,20 @@ FOREIGN_KEYS = (
 
 
 async def parts_of(data: bytes, size: int) -> AsyncIterator[bytes]:
+    """`data` in parts of `size` bytes."""
     for start in range(0, len(data), size):
         await asyncio.sleep(0)
         yield data[start : start + size]
 
 
 async def listed(store: Store, prefix: str = "", after: str = "") -> list[str]:
+    """The keys of a listing, as they come."""
     return [info.key async for info in store.list(prefix, after=after)]
 
 
+@pytest.mark.asyncio
 class StoreConformance:
-    """Each test gets an empty store as `store`."""
+    """Each test gets an empty store as `store`: a fixture of the class that inherits."""
 
     async def test_what_was_put_is_there(self, store: Store) -> None:
         info = await store.put("streams/a.tide", b"hello")

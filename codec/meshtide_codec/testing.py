@@ -1,13 +1,24 @@
-"""Meshes that all tests share: small known ones, and hypothesis strategies for random ones."""
+"""Meshes for tests, of this project and of others: small known ones, and a hypothesis strategy for random ones.
+
+Needs hypothesis (`pip install 'meshtide[testing]'`); nothing else of the package imports this module.
+
+>>> shapes()["tetrahedron"]()
+Mesh(4 vertices, 4 faces)
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from hypothesis import strategies as st
 
+from meshtide_codec.errors import MeshtideError
 from meshtide_codec.mesh import Mesh
+
+try:
+    from hypothesis import strategies as st
+except ModuleNotFoundError as error:
+    raise MeshtideError("meshtide_codec.testing needs hypothesis: pip install 'meshtide[testing]'") from error
 
 if TYPE_CHECKING:
     from collections.abc import Callable
