@@ -11,7 +11,7 @@ from fastapi.middleware.cors import CORSMiddleware
 from meshtide_server.encoding.folder_queue import FolderQueue
 from meshtide_server.encoding.runner import JobRunner
 from meshtide_server.hosting.library import Library
-from meshtide_server.http.application import Application, Parts
+from meshtide_server.http.application import Application, ServerParts
 from meshtide_server.http.limiting import Limiting
 from meshtide_server.http.methods import Methods, add_heads
 from meshtide_server.http.observation import Observation
@@ -106,7 +106,7 @@ def create_app(settings: Settings) -> Application:
     return app
 
 
-async def _started(settings: Settings, access: Access, stack: AsyncExitStack) -> Parts:
+async def _started(settings: Settings, access: Access, stack: AsyncExitStack) -> ServerParts:
     """Begin all work; `stack` ends it, streams first."""
     library = Library(settings)
     queue = FolderQueue(library.folder, settings.encoding)
@@ -126,4 +126,4 @@ async def _started(settings: Settings, access: Access, stack: AsyncExitStack) ->
         stack.push_async_callback(jobs.stop)
     streams = RunningStreams(library, settings, access, draining)
     stack.push_async_callback(streams.close)
-    return Parts(settings, access, library, streams, jobs, readiness, draining)
+    return ServerParts(settings, access, library, streams, jobs, readiness, draining)

@@ -60,7 +60,7 @@ class WebsocketTransport:
         self._session = session
         self._take = take
         self._link = link
-        self._connection: Connection | None = None
+        self._connection: MeteredConnection | None = None
         self._pump: asyncio.Task[None] | None = None
         self._backlog: deque[tuple[int, list[Event]]] = deque()
         self._waiting_bytes = 0
@@ -101,13 +101,13 @@ class WebsocketTransport:
         if self._connection is not None:
             await self._connection.close()
 
-    async def _open(self) -> Connection:
+    async def _open(self) -> MeteredConnection:
         self._connection = await open_connection(self._address, self._link)
         await _send(self._connection, self._session.hello())
         self._pump = asyncio.create_task(self._fill(self._connection))
         return self._connection
 
-    async def _fill(self, connection: Connection) -> None:
+    async def _fill(self, connection: MeteredConnection) -> None:
         """Take frames until the stream or the connection ends."""
         pace = Pace(self._link.rate)
         try:
@@ -139,7 +139,7 @@ class WebsocketTransport:
         self._waiting_bytes -= size
         return events
 
-    async def _frame(self, connection: Connection) -> bytes | str:
+    async def _frame(self, connection: MeteredConnection) -> bytes | str:
         """The next message; it may take its time as long as more of it keeps coming, and not too slowly."""
         frame = asyncio.create_task(connection.recv())  # asked for once: fragments outlive no second asking
         begun = heard = connection.heard_bytes
@@ -157,7 +157,7 @@ class WebsocketTransport:
             frame.cancel()
 
 
-class Connection(ClientConnection):
+class MeteredConnection(ClientConnection):
     """A connection that counts the bytes of messages as they come, also those of a frame that is not whole yet."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:  # noqa: ANN401 - the library's
@@ -175,7 +175,7 @@ class Connection(ClientConnection):
         super().data_received(data)
 
 
-async def open_connection(address: MeshAddress, link: Link) -> Connection:
+async def open_connection(address: MeshAddress, link: Link) -> MeteredConnection:
     """A websocket to the stream of a mesh.
 
     Raises:
@@ -196,16 +196,16 @@ async def open_connection(address: MeshAddress, link: Link) -> Connection:
             ping_timeout=None,  # on a slow link an answer queues behind a window of data; the backlog has its own clock
             close_timeout=_CLOSE_SECONDS,
             proxy=None if address.server.is_loopback else True,
-            create_connection=Connection,
+            create_connection=MeteredConnection,
             **secured,
         )
-        assert isinstance(connection, Connection)  # noqa: S101 - made right above
+        assert isinstance(connection, MeteredConnection)  # noqa: S101 - made right above
     except (OSError, WebSocketException, ValueError) as error:
         raise handshake_problem(error, address, link.timeout) from error
     return connection
 
 
-async def _send(connection: Connection, frame: bytes) -> None:
+async def _send(connection: MeteredConnection, frame: bytes) -> None:
     with suppress(ConnectionClosed):  # what the server said before it closed, and that it did, comes from the backlog
         await connection.send(frame)
 

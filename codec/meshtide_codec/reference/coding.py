@@ -93,7 +93,7 @@ def learned(probability: int, rate: int, bit: int) -> int:
     return probability - (probability * rate >> 16)
 
 
-class State(NamedTuple):
+class ContextState(NamedTuple):
     """One context: two probabilities of a one that learn at two speeds, and their rates."""
 
     slow: int
@@ -125,11 +125,11 @@ class Contexts:
         self.learn(place, state, bit)
         return bit
 
-    def state(self, place: int) -> State:
+    def state(self, place: int) -> ContextState:
         """What the context at `place` is now."""
-        return State(self.slow[place], self.fast[place], self.slow_rate[place], self.fast_rate[place])
+        return ContextState(self.slow[place], self.fast[place], self.slow_rate[place], self.fast_rate[place])
 
-    def learn(self, place: int, state: State, bit: int) -> None:
+    def learn(self, place: int, state: ContextState, bit: int) -> None:
         """The context at `place` becomes what one that was `state` is after a bit."""
         self.slow[place] = learned(state.slow, state.slow_rate, bit)
         self.fast[place] = learned(state.fast, state.fast_rate, bit)
@@ -207,7 +207,7 @@ class Question(NamedTuple):
 class Prediction(NamedTuple):
     """A question from its prediction until it has been learned from."""
 
-    states: list[State]
+    states: list[ContextState]
     inputs: list[int]
     opinions: list[int]
     probability: int
@@ -276,7 +276,7 @@ class Mixer:
             self.contexts.learn(place, state, bit ^ against)
 
 
-def _inputs(states: list[State], question: Question) -> list[int]:
+def _inputs(states: list[ContextState], question: Question) -> list[int]:
     """For every four contexts: the means of their probabilities stretched, then the slow ones as they are."""
     signs = [-1 if against else 1 for against in question.opposed]
     stretched = [sign * STRETCH[(state.slow + state.fast) >> 5] for sign, state in zip(signs, states, strict=True)]

@@ -13,7 +13,7 @@ from meshtide_codec.reference import candidates, diff
 from meshtide_codec.reference.coding import RangeDecoder, trained
 from meshtide_codec.reference.diff import Slice
 from meshtide_codec.reference.faces import FacesDecoder
-from meshtide_codec.reference.header import BASE, DIFF, MAP_CONN, PREVIEW, CompactHeader, Key, Reader
+from meshtide_codec.reference.header import BASE, DIFF, MAP_CONN, PREVIEW, ByteReader, CompactHeader, Key
 from meshtide_codec.reference.levels import Level, Point, root
 from meshtide_codec.reference.map import DEFAULT_SHAPE, HIGH_SHAPE, MapDecoder
 
@@ -181,7 +181,7 @@ def _decode_preview(header: Header, options: CompactHeader, level: int, payload:
     if not 0 < level - (header.bits - options.base_depth) <= options.previews:
         raise PacketError("this stream has no such packet", level=level)
     state = header.state_of(level)
-    reader = Reader(payload)
+    reader = ByteReader(payload)
     leaf_depth, bits = reader.number(), 0
     while leaf_depth > bits:
         bits += 1

@@ -32,10 +32,10 @@ Key = tuple[int, int, int]
 """Kind, level and slice of a packet."""
 
 
-class Reader:
+class ByteReader:
     """Bytes that are read from front to end.
 
-    >>> reader = Reader(bytes([0xAC, 0x02, 3, 5, 0xAF, 0x82, 0x1E]))
+    >>> reader = ByteReader(bytes([0xAC, 0x02, 3, 5, 0xAF, 0x82, 0x1E]))
     >>> reader.number(), reader.signed_number(), reader.coordinate()
     (300, -2, -2.45912)
     """
@@ -247,7 +247,7 @@ def read_header(data: bytes) -> Header:
     Raises:
         ContainerError: it is damaged.
     """
-    reader = Reader(data)
+    reader = ByteReader(data)
     version = reader.byte()
     if version != VERSION:
         raise VersionError(f"the header is of format {version}; this is a decoder of format {VERSION}", offset=0)
@@ -269,7 +269,7 @@ def read_header(data: bytes) -> Header:
     return header
 
 
-def _read_packets(reader: Reader, header: Header) -> None:
+def _read_packets(reader: ByteReader, header: Header) -> None:
     """The packet table, and the states between its rows."""
     level = part = 0
     seen: set[Key] = set()
@@ -297,7 +297,7 @@ def _read_packets(reader: Reader, header: Header) -> None:
         reader.fail("the table of states does not end with level 0")
 
 
-def _read_state(reader: Reader, header: Header, level: int, *, same_size: bool) -> None:
+def _read_state(reader: ByteReader, header: Header, level: int, *, same_size: bool) -> None:
     vertices, faces = (header.states[-1].vertices, header.states[-1].faces) if header.states else (0, 0)
     if not same_size:
         growth, surplus_growth = reader.signed_number(), reader.signed_number()
@@ -322,7 +322,7 @@ def distances(stored: bytes) -> tuple[float, float]:
     return rms, LARGEST_DISTANCE if q == 31 else min(rms * ((4 + q % 4) * 2.0 ** (q // 4 - 2)), LARGEST_DISTANCE)
 
 
-def _read_compact(reader: Reader, header: Header) -> CompactHeader:
+def _read_compact(reader: ByteReader, header: Header) -> CompactHeader:
     bases = [header.bits - packet.level for packet in header.packets if packet.kind == BASE]
     diffs = sorted({header.bits - packet.level for packet in header.packets if packet.kind == DIFF})
     previews = sum(packet.kind == PREVIEW for packet in header.packets)
@@ -353,7 +353,7 @@ def _read_compact(reader: Reader, header: Header) -> CompactHeader:
     return options
 
 
-def _read_slices(reader: Reader, header: Header, slices: list[int]) -> None:
+def _read_slices(reader: ByteReader, header: Header, slices: list[int]) -> None:
     more = reader.number()
     if not 0 < more < MOST_SLICES or more > header.states[-1].vertices:
         reader.fail("more slices than there can be")
@@ -364,7 +364,7 @@ def _read_slices(reader: Reader, header: Header, slices: list[int]) -> None:
             reader.fail("slices that do not ascend in the cube")
 
 
-def _read_classic(reader: Reader, header: Header) -> ClassicHeader:
+def _read_classic(reader: ByteReader, header: Header) -> ClassicHeader:
     levels = reader.byte()
     if not 1 <= levels <= header.bits + 1:
         reader.fail("not as many levels as B allows")
@@ -385,7 +385,7 @@ def _read_classic(reader: Reader, header: Header) -> ClassicHeader:
     return options
 
 
-def _read_filter(reader: Reader, options: ClassicHeader) -> None:
+def _read_filter(reader: ByteReader, options: ClassicHeader) -> None:
     if options.filter > RATIONAL:
         reader.fail("a filter of no known kind")
     if options.filter == TAUBIN:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from meshtide_codec.errors import PacketError
 from meshtide_codec.reference.coding import SIGNED_CONTEXTS, Contexts, RangeDecoder
-from meshtide_codec.reference.header import Reader
+from meshtide_codec.reference.header import ByteReader
 
 if TYPE_CHECKING:
     from meshtide_codec.reference.levels import Point
@@ -29,7 +29,7 @@ class OrderDecoder:
     """
 
     def __init__(self, payload: bytes, faces: list[Point], vertices: int) -> None:
-        reader = Reader(payload)
+        reader = ByteReader(payload)
         self._vertex_count, self._face_count, by_row = (reader.number() for _ in range(3))
         if by_row > 1:
             _fail()

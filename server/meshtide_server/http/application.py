@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
+class ServerParts:
     """What a running server is made of.
 
     Args:
@@ -48,17 +48,17 @@ class Parts:
 class Application(FastAPI):
     """The ASGI application."""
 
-    parts: Parts
+    parts: ServerParts
     """There while it runs, which its lifespan sees to."""
     all_routes: Sequence[BaseRoute] = ()
     """Its routes, and those of its routers."""
 
 
-async def parts_of(connection: HTTPConnection) -> Parts:
+async def parts_of(connection: HTTPConnection) -> ServerParts:
     """A dependency: the parts of the server that answers."""
     application: Application = connection.app
     return application.parts
 
 
-Running = Annotated[Parts, Depends(parts_of)]
+Running = Annotated[ServerParts, Depends(parts_of)]
 """What a route that takes `server: Running` is given."""

@@ -56,7 +56,7 @@ class Place(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Graph:
+class NodeGraph:
     """All nodes of a file.
 
     Args:
@@ -93,7 +93,7 @@ class Graph:
         return result
 
 
-def graph(document: Document, accessors: Accessors, source: Source) -> Graph:
+def graph(document: Document, accessors: Accessors, source: Source) -> NodeGraph:
     """The nodes of a file and what is shown of them.
 
     Raises:
@@ -118,7 +118,7 @@ def graph(document: Document, accessors: Accessors, source: Source) -> Graph:
     hidden = sum(_is_hidden(places[index]) for index in shown)
     if hidden:
         source.note(f"nodes that the file hides ({hidden}): taken like the others")
-    return Graph(places, parents, roots, shown)
+    return NodeGraph(places, parents, roots, shown)
 
 
 def _is_hidden(place: Place) -> bool:

@@ -74,7 +74,7 @@ class Primitive:
 
 
 @dataclass(slots=True)
-class Plan:
+class PlannedMeshes:
     """The meshes of a file before any of them is made.
 
     Args:
@@ -90,13 +90,13 @@ class Plan:
     extensions: dict[str, None] = field(default_factory=dict)
 
 
-def planned(document: Document, accessors: Accessors, limits: FileLimits) -> Plan:
+def planned(document: Document, accessors: Accessors, limits: FileLimits) -> PlannedMeshes:
     """The primitives of all meshes, each checked for what stands behind it.
 
     Raises:
         MeshFileError: a primitive is not one, or claims what the file does not hold.
     """
-    plan = Plan()
+    plan = PlannedMeshes()
     materials = len(document.rows("materials"))
     for number, mesh in enumerate(document.rows("meshes")):
         found = []

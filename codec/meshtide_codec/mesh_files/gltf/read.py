@@ -18,7 +18,7 @@ from meshtide_codec.mesh_files.gltf.document import numbers, parsed, text
 from meshtide_codec.mesh_files.gltf.extensions import INSTANCING, check_required
 from meshtide_codec.mesh_files.gltf.geometry import Geometries
 from meshtide_codec.mesh_files.gltf.glb import MAGIC, unpack
-from meshtide_codec.mesh_files.gltf.primitives import Plan, planned
+from meshtide_codec.mesh_files.gltf.primitives import PlannedMeshes, planned
 from meshtide_codec.scene import Node, Scene
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from meshtide_codec.limits import FileLimits
     from meshtide_codec.mesh import Mesh
     from meshtide_codec.mesh_files.gltf.document import Document, Row
-    from meshtide_codec.mesh_files.gltf.nodes import Graph, Place
+    from meshtide_codec.mesh_files.gltf.nodes import NodeGraph, Place
     from meshtide_codec.mesh_files.source import Source
 
 
@@ -77,7 +77,7 @@ def read_gltf(source: Source, limits: FileLimits) -> Scene:
     )
 
 
-def _tell(plan: Plan, document: Document, source: Source) -> None:
+def _tell(plan: PlannedMeshes, document: Document, source: Source) -> None:
     left = [(plan.lines, "lines"), (plan.points, "points")]
     others = ", ".join(
         f"{name} ({count} {'primitive' if count == 1 else 'primitives'})" for count, name in left if count
@@ -93,7 +93,7 @@ def _tell(plan: Plan, document: Document, source: Source) -> None:
         source.note(f"animations ({animations}): left out")
 
 
-def _check_claims(geometries: Geometries, plan: Plan, graph: Graph, limits: FileLimits) -> None:
+def _check_claims(geometries: Geometries, plan: PlannedMeshes, graph: NodeGraph, limits: FileLimits) -> None:
     """Hold all meshes, and then all that is shown of them, against the limits."""
     sizes = [geometries.claimed(mesh) for mesh in range(len(plan.meshes))]
     limits.check_counts(sum(size[0] for size in sizes), sum(size[1] for size in sizes))
@@ -116,7 +116,7 @@ class _Made:
     document: Document
     accessors: Accessors
     geometries: Geometries
-    graph: Graph
+    graph: NodeGraph
     meshes: list[Mesh] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     rests: list[Row] = field(default_factory=list)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from meshtide_server.catalogue import Job
     from meshtide_server.hosting.published import PublishedMeshes
-    from meshtide_server.http.application import Parts
+    from meshtide_server.http.application import ServerParts
     from meshtide_server.settings import Settings
 
 router = APIRouter()
@@ -257,7 +257,7 @@ async def job_events(request: Request, server: Running, job_id: JobId) -> Respon
     return StreamingResponse(_events(server, first), media_type="text/event-stream", headers=headers)
 
 
-async def _events(server: Parts, job: Job) -> AsyncIterator[str]:
+async def _events(server: ServerParts, job: Job) -> AsyncIterator[str]:
     loop = asyncio.get_running_loop()
     end = loop.time() + LONGEST_WATCH_SECONDS
     told: JobStatus | None = None
@@ -276,7 +276,7 @@ async def _events(server: Parts, job: Job) -> AsyncIterator[str]:
             return
 
 
-async def _received(request: Request, server: Parts, query: UploadQuery) -> Upload:
+async def _received(request: Request, server: ServerParts, query: UploadQuery) -> Upload:
     """The body of an upload, in the store."""
     published, settings = published_of(server), server.settings
     suffix = checked_suffix(query.filename)
@@ -294,7 +294,7 @@ async def _received(request: Request, server: Parts, query: UploadQuery) -> Uplo
 
 
 async def _accepted(
-    server: Parts, response: Response, mesh: MeshRecord, source: Upload, options: dict[str, Any], *, replace: bool
+    server: ServerParts, response: Response, mesh: MeshRecord, source: Upload, options: dict[str, Any], *, replace: bool
 ) -> JobStatus:
     """Queue the job of an upload, and answer that it is taken."""
     published = published_of(server)
@@ -318,7 +318,7 @@ async def _collect(published: PublishedMeshes, sources: Iterable[str]) -> None:
         await published.catalogue.sources.collect(key, published.store.delete)
 
 
-async def _job(server: Parts, job_id: str) -> Job:
+async def _job(server: ServerParts, job_id: str) -> Job:
     """The job; when it is done, this server shows its mesh."""
     published = published_of(server)
     try:
@@ -330,7 +330,7 @@ async def _job(server: Parts, job_id: str) -> Job:
     return job
 
 
-def refuse_folder_mesh(server: Parts, mesh_id: str) -> None:
+def refuse_folder_mesh(server: ServerParts, mesh_id: str) -> None:
     """Nothing, unless a mesh of that id lies in the server's folder, where no request changes anything.
 
     Raises:
@@ -342,7 +342,7 @@ def refuse_folder_mesh(server: Parts, mesh_id: str) -> None:
         raise RefusedError(HTTPStatus.CONFLICT, "folder-mesh", message)
 
 
-def published_of(server: Parts) -> PublishedMeshes:
+def published_of(server: ServerParts) -> PublishedMeshes:
     """Store and catalogue.
 
     Raises:
