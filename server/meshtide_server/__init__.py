@@ -3,8 +3,8 @@
 Where a mesh is, in the words of all its rooms:
 
 - store: where bytes lie under keys, whatever they mean: those of published streams and of uploaded files
-- catalogue: what is told of published meshes, streams and uploads, in a database; it holds no streams
-- published: of a mesh that stands in the catalogue, with its stream in the store
+- catalogue: the records of published meshes, streams and uploads, in a database; it holds no streams
+- published: of a mesh that is in the catalogue, with its stream in the store
 - folder: files of one machine that are hosted as they are found, with those that are encoded here, and samples
 - shelf: one of these two kinds of meshes; library: both shelves as one
 - hosted: in the library of this server, whether ready, being encoded or failed

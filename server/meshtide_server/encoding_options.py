@@ -1,4 +1,4 @@
-"""How meshes are encoded: what a server is told for all of them, an upload for one, and what a job keeps of it."""
+"""How meshes are encoded: by a server's settings, or an upload's own; what a job keeps of either."""
 
 from __future__ import annotations
 

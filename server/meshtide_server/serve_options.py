@@ -1,4 +1,4 @@
-"""The options of the command `serve`, made of the settings: each is told in one place, `Settings`."""
+"""The options of the command `serve`, made from the settings: each is described in one place, `Settings`."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ def serve_parameters() -> Iterator[Parameter]:
 
 
 def _typer(name: str, field: FieldInfo, option: Option) -> Any:  # noqa: ANN401 - typer gives its kinds of options no name
-    told = option.help or field.description
+    described = option.help or field.description
     if option.argument:
-        return typer.Argument(help=told)
+        return typer.Argument(help=described)
     bounds: dict[str, Any] = {}
     if option.bounded:
         for each in field.metadata:
             bounds |= {"min": getattr(each, "ge", None)} if hasattr(each, "ge") else {}
             bounds |= {"max": getattr(each, "le", None)} if hasattr(each, "le") else {}
     names = [*([option.short] if option.short else []), _long(name, option)]
-    return typer.Option(*names, help=told, show_default=_default(field, option), **bounds)
+    return typer.Option(*names, help=described, show_default=_default(field, option), **bounds)
 
 
 def _long(name: str, option: Option) -> str:

@@ -1,6 +1,6 @@
-"""Running the application: the socket, the log, the announcement, and a shutdown that tells everybody.
+"""Running the application: the socket, the log, the announcement, and a shutdown that everybody hears of.
 
-SIGTERM and Ctrl-C (SIGINT) end the server in order. It drains first: /readyz answers 503, new streams are told to
+SIGTERM and Ctrl-C (SIGINT) end the server in order. It drains first: /readyz answers 503, new streams are asked to
 connect elsewhere, what is running has a while to end. Then come an error frame and a close frame for each stream that
 is left, and the end of the encoder's process. Both signals are the ordinary way to stop a server: the exit code is 0.
 A second one cuts the waiting short.
@@ -46,7 +46,7 @@ _ANY_ADDRESS = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S
 
 
 class AddressError(TransferError):
-    """The server cannot listen where it was told to."""
+    """The server cannot listen where it should."""
 
 
 class Server(uvicorn.Server):
@@ -62,7 +62,7 @@ class Server(uvicorn.Server):
         self._drain_until: float | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start, then tell who waits for it."""
+        """Start, then report to whoever waits for it."""
         await super().startup(sockets)
         if self.started:
             self._announcement.make()
@@ -78,7 +78,7 @@ class Server(uvicorn.Server):
         return await super().on_tick(counter) and self._drained()
 
     def _drained(self) -> bool:
-        """Whether all that was running when the server was told to stop has ended, or had its time."""
+        """Whether all that was running when the server was to stop has ended, or had its time."""
         waiting = len(self.server_state.tasks)
         if self._drain_until is None:
             self._drain_until = time.monotonic() + self._drain_timeout
@@ -102,7 +102,7 @@ class Server(uvicorn.Server):
 
 
 class Announcement:
-    """Tells the log, and a parent process if asked to, where the server listens.
+    """Reports in the log, and to a parent process if asked to, where the server listens.
 
     Args:
         url: of the server.

@@ -29,7 +29,7 @@ Tokens = Annotated[tuple[SecretStr, ...], NoDecode]
 LogLevel = Literal["debug", "info", "warning", "error"]
 LogFormat = Literal["text", "json"]
 MOST_PROCESSES = 8
-"""Encoder processes that a server starts without being told how many; each may take the memory of a large mesh."""
+"""Encoder processes that a server starts by default, at most; each may take the memory of a large mesh."""
 SMALLEST_RATE = 16 * 1024
 """Bytes a second: the largest message takes 16 s at this rate."""
 LONGEST_ADDRESS = 4096
@@ -235,7 +235,7 @@ class Settings(BaseSettings):
         default=5.0, ge=0.0, description="Seconds that running streams and requests have to end in when it is to stop."
     )
     shutdown_timeout: int = Field(
-        default=3, ge=1, description="Seconds that connections have after that, once they were told to end."
+        default=3, ge=1, description="Seconds that connections have after that, once they were asked to end."
     )
     max_message: int = Field(
         default=LARGEST_MESSAGE, ge=1024, le=LARGEST_MESSAGE, description="Largest frame a client may send, in bytes."

@@ -32,7 +32,7 @@ def load_settings(given: Mapping[str, Any], *, assigned: Iterable[str] = (), fil
     """The settings of a server.
 
     Args:
-        given: those that arguments of their own tell.
+        given: those that arguments of their own give.
         assigned: more of them, each as "name=value".
         file: the file, or None.
 

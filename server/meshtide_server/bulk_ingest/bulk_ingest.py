@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class KnownMesh:
-    """A mesh of the catalogue, as a listing tells of it.
+    """A mesh of the catalogue, as a listing shows it.
 
     Args:
         id: its id.
@@ -111,23 +111,23 @@ class BulkIngest:
     def run(
         self,
         files: Iterable[ChosenFile],
-        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
+        report: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
         stage: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Encode files and publish them.
 
         Args:
             files: taken one by one, in another thread, when there is somebody to encode them.
-            tell: is told of each file that is through: itself, its mesh, "done", "kept", "failed" or "left", why, and
+            report: called for each file that is through: itself, its mesh, "done", "kept", "failed" or "left", why, and
                 what of it is not kept.
-            stage: is told what a worker of this machine does, now and then.
+            stage: called now and then with what a worker of this machine does.
 
         Raises:
             OptionError: it is not an address of a cluster, or the extra `dask` is not installed.
             StoreError, DatabaseUnavailableError, NewerSchemaError, TransferError: store, catalogue or cluster cannot
-                be opened. What goes wrong later is told of the files.
+                be opened. What goes wrong later is reported for the files.
         """
-        asyncio.run(self._run(files, tell, stage))
+        asyncio.run(self._run(files, report, stage))
 
     async def _known(self) -> tuple[KnownMesh, ...]:
         async with AsyncExitStack() as stack:
@@ -137,7 +137,7 @@ class BulkIngest:
     async def _run(
         self,
         files: Iterable[ChosenFile],
-        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
+        report: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
         stage: Callable[[str], None],
     ) -> None:
         async with AsyncExitStack() as stack:
@@ -156,7 +156,7 @@ class BulkIngest:
                 tags=self._tags,
                 licence=self._licence,
                 taken={record.id async for record in _records(catalogue)},
-                tell=tell,
+                report=report,
             )
             await ingestion.run(files)
 

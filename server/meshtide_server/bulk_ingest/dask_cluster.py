@@ -66,7 +66,7 @@ class DaskCluster:
             OptionError: it is not an address of a scheduler.
             TransferError: there is no scheduler, or it has no workers.
         """
-        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a lost connection is told by this class
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # this class reports a lost connection
         dask.config.set({"distributed.admin.large-graph-warning-threshold": CONTENT_BYTES * 1024})
         client: Any = Client(address, asynchronous=True, timeout=patience, set_as_default=False)
         try:

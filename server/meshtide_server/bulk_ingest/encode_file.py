@@ -90,7 +90,7 @@ async def encode_file(
     Args:
         task: what to do.
         content: of the file, for a machine that does not see it.
-        progress: is told of stages and fractions.
+        progress: called with the stage and the fraction done.
     """
     if task.codec != codec_digest():
         return FileOutcome(error="the worker has another version of meshtide; install the same one everywhere")

@@ -1,8 +1,8 @@
 """Files on their way into store and catalogue: each is encoded by a worker and published from here.
 
 As many files are under way as there are workers for, and a few more; the next one is taken when one is through. A file
-that fails is told and stops no other. What keeps every file from being published, such as a database that is gone, ends
-the ingest after a few attempts: the files that are left are told as not begun. Published is a mesh or it is not, see
+that fails is reported and stops no other. What keeps every file from being published, such as a lost database, ends the
+ingest after a few attempts: the files that are left are reported as not begun. Published is a mesh or it is not, see
 `publishing`; so whatever ends this, it goes on where it stopped when it is run again.
 """
 
@@ -82,7 +82,7 @@ class Ingestion:
         tags: of all meshes.
         licence: the text of their terms.
         taken: ids that are not free.
-        tell: is told of each file that is through: itself, its mesh, "done", "kept", "failed" or "left", why, and
+        report: called for each file that is through: itself, its mesh, "done", "kept", "failed" or "left", why, and
             what of it is not kept.
     """
 
@@ -96,7 +96,7 @@ class Ingestion:
         tags: tuple[str, ...],
         licence: str,
         taken: set[str],
-        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
+        report: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
     ) -> None:
         self._store = store
         self._catalogue = catalogue
@@ -105,7 +105,7 @@ class Ingestion:
         self._tags = tags
         self._licence = licence
         self._taken = taken
-        self._tell = tell
+        self._report = report
         self._publishers = asyncio.Semaphore(PUBLISHERS)
         self._stopped: str | None = None
 
@@ -132,22 +132,22 @@ class Ingestion:
             await asyncio.gather(*running, return_exceptions=True)
 
     async def _ingest(self, chosen: ChosenFile, mesh_id: str) -> None:
-        """Publish a file, and tell what became of it."""
+        """Publish a file, and report what became of it."""
         if self._stopped is not None:
-            self._tell(chosen.file, None, "left", f"not begun: {self._stopped}", ())
+            self._report(chosen.file, None, "left", f"not begun: {self._stopped}", ())
             return
         try:
             found, state, notes = await self._published(chosen, mesh_id)
         except (TransferError, DatabaseUnavailableError) as error:
             self._stopped = self._stopped or str(error)
-            self._tell(chosen.file, None, "failed", str(error), ())
+            self._report(chosen.file, None, "failed", str(error), ())
         except (MeshtideError, OSError) as error:
-            self._tell(chosen.file, None, "failed", str(error), ())
+            self._report(chosen.file, None, "failed", str(error), ())
         except Exception as error:  # one file must not end the work on all others
             logger.exception("while %s was ingested", chosen.file)
-            self._tell(chosen.file, None, "failed", f"internal error: {type(error).__name__}", ())
+            self._report(chosen.file, None, "failed", f"internal error: {type(error).__name__}", ())
         else:
-            self._tell(chosen.file, found, state, None, notes)
+            self._report(chosen.file, found, state, None, notes)
 
     async def _published(self, chosen: ChosenFile, mesh_id: str) -> tuple[str, str, tuple[str, ...]]:
         """The id under which the file's mesh is in the catalogue, whether it was "kept" or is "done", and the notes."""
@@ -190,10 +190,10 @@ class Ingestion:
         """Publish a stream; under another id, if somebody else has taken this one meanwhile."""
         limits = self._settings.stream_limits
         while True:
-            told = Publication(mesh_id, listed_name(chosen.file), self._tags, self._licence, chosen.digest, box)
+            publication = Publication(mesh_id, listed_name(chosen.file), self._tags, self._licence, chosen.digest, box)
             try:
                 await publish(
-                    self._store, self._catalogue, stream, told, overwrite=chosen.mesh is not None, limits=limits
+                    self._store, self._catalogue, stream, publication, overwrite=chosen.mesh is not None, limits=limits
                 )
             except MeshExistsError:
                 twin = await self._ready_twin(chosen)  # by a second ingest of these files, or by our own last attempt

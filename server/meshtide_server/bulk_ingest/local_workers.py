@@ -19,7 +19,7 @@ class LocalWorkers:
 
     Args:
         count: how many.
-        stage: is told what one of them does, now and then.
+        stage: called now and then with what one of them does.
     """
 
     def __init__(self, count: int, stage: Callable[[str], None] = lambda _: None) -> None:

@@ -1,7 +1,7 @@
 """The catalogue: which meshes there are, which streams hold them, and the jobs that make those streams.
 
-A SQLite file by default, PostgreSQL for several machines; the same code on both. It holds no streams, only what is told
-of them, and imports no other room.
+A SQLite file by default, PostgreSQL for several machines; the same code on both. It holds no streams, only their
+descriptions, and imports no other room.
 
     catalogue = await Catalogue.open("sqlite:///catalogue.db")
     page = await catalogue.meshes.list(MeshQuery(text="bunny", tags=("scan",)))

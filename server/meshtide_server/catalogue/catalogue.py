@@ -20,7 +20,7 @@ from meshtide_server.catalogue.jobs import (
 )
 from meshtide_server.catalogue.meshes import Meshes, add_mesh, get_mesh, put_mesh
 from meshtide_server.catalogue.migrations import migrate
-from meshtide_server.catalogue.rows import Status, Told
+from meshtide_server.catalogue.rows import MeshDescription, Status
 from meshtide_server.catalogue.sources import Sources, forget_pending
 from meshtide_server.catalogue.streams import (
     Streams,
@@ -116,15 +116,15 @@ class Catalogue:
         async with self._database.locked() if replace else self._database.writing() as connection:
             if replace:
                 await end_earlier_jobs(connection, mesh.id)
-            told = None
+            description = None
             served = await _served_mesh(connection, mesh.id) if replace else None
             if served is not None:
-                record, told = served, Told(mesh.name, mesh.tags, mesh.licence, mesh.source)
+                record, description = served, MeshDescription(mesh.name, mesh.tags, mesh.licence, mesh.source)
             else:
                 record = await (put_mesh if replace else add_mesh)(connection, mesh)
             if note is not None:
                 await forget_pending(connection, note)
-            return record, await enqueue_job(connection, record.id, source_key, options, told)
+            return record, await enqueue_job(connection, record.id, source_key, options, description)
 
     async def register(
         self,
@@ -172,7 +172,7 @@ class Catalogue:
         tags: tuple[str, ...] | None = None,
         licence: str | None = None,
     ) -> MeshRecord:
-        """Change what is told of a mesh; what is None stays as it is.
+        """Change a mesh's name, tags or licence; what is None stays as it is.
 
         Returns:
             The mesh as it stands now; one that is being encoded, or encoded again, is not changed, for its job brings

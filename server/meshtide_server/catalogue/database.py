@@ -104,7 +104,7 @@ class Database:
 
 
 class _Telling:
-    """A context manager that tells the driver's errors as this package's own; constraints are the caller's to read."""
+    """A context manager: the driver's errors become this package's own; constraints are the caller's to read."""
 
     def __init__(self, name: str) -> None:
         self._name = name

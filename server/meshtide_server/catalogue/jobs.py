@@ -19,7 +19,7 @@ from sqlalchemy import and_, exists, func, insert, select, update
 from meshtide_codec.printable import printable
 from meshtide_server.catalogue.errors import UnknownJobError
 from meshtide_server.catalogue.meshes import fail_mesh, get_mesh, micros, moment
-from meshtide_server.catalogue.rows import UNFINISHED, Job, JobState, Told, now
+from meshtide_server.catalogue.rows import UNFINISHED, Job, JobState, MeshDescription, now
 from meshtide_server.catalogue.tables import job_table
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class Jobs:
             return await _get(connection, job_id)
 
     async def heartbeat(self, job_id: str, owner: str, stage: str, progress: float) -> bool:
-        """Tell that the owner works on a job, and how far it is.
+        """Report that the owner works on a job, and how far it is.
 
         Returns:
             Whether the job is still the owner's; if not, it was released or its mesh deleted: stop working on it.
@@ -143,7 +143,7 @@ class Jobs:
         Args:
             job_id: the job.
             owner: who works on it.
-            notes: lines; no more than `MOST_NOTES` are kept, and one that tells of the rest.
+            notes: lines; no more than `MOST_NOTES` are kept, and one that counts the rest.
 
         Returns:
             Whether the job was the owner's; if not, nothing was noted.
@@ -224,7 +224,7 @@ async def enqueue_job(
     mesh_id: str,
     source_key: str,
     options: Mapping[str, Any] | None,
-    told: Told | None = None,
+    description: MeshDescription | None = None,
 ) -> Job:
     """Have an uploaded file encoded, within a transaction.
 
@@ -233,7 +233,7 @@ async def enqueue_job(
         mesh_id: the mesh, which is in the catalogue.
         source_key: the file in the store.
         options: how to encode it, as JSON knows it.
-        told: what the catalogue is to tell of the mesh once it is encoded.
+        description: of the mesh once it is encoded.
 
     Raises:
         UnknownMeshError: there is no such mesh.
@@ -250,7 +250,7 @@ async def enqueue_job(
         "stage": "waiting",
         "progress": 0.0,
         "created": micros(now()),
-        "told": None if told is None else json.dumps(told._asdict()),
+        "description": None if description is None else json.dumps(description._asdict()),
     }
     await connection.execute(insert(job_table).values(**row))
     return await _get(connection, job_id)
@@ -337,10 +337,10 @@ def _job(row: RowMapping) -> Job:
         error=row["error"],
         created=moment(row["created"]),
         finished=None if row["finished"] is None else moment(row["finished"]),
-        told=None if row["told"] is None else _told(json.loads(row["told"])),
+        description=None if row["description"] is None else _description(json.loads(row["description"])),
         notes=() if row["notes"] is None else tuple(json.loads(row["notes"])),
     )
 
 
-def _told(fields: dict[str, Any]) -> Told:
-    return Told(fields["name"], tuple(fields["tags"]), fields["licence"], fields["source"])
+def _description(fields: dict[str, Any]) -> MeshDescription:
+    return MeshDescription(fields["name"], tuple(fields["tags"]), fields["licence"], fields["source"])

@@ -102,8 +102,8 @@ STEPS: tuple[tuple[str, ...], ...] = (
         "CREATE INDEX pending_upload_by_source ON pending_upload (source_key)",
         "CREATE INDEX job_by_source ON job (source_key)",
     ),
-    (  # a mesh that is replaced stays as it is until the job is done; what of a file is not kept is told
-        "ALTER TABLE job ADD COLUMN told TEXT",
+    (  # a mesh that is replaced stays as it is until the job is done; what of a file is not kept is noted
+        "ALTER TABLE job ADD COLUMN description TEXT",
         "ALTER TABLE job ADD COLUMN notes TEXT",
     ),
 )

@@ -113,8 +113,8 @@ class PacketLocation(NamedTuple):
     length: int
 
 
-class Told(NamedTuple):
-    """What is told of a mesh beside its stream; the fields are those of MeshRecord."""
+class MeshDescription(NamedTuple):
+    """What is known of a mesh beside its stream; the fields are those of MeshRecord."""
 
     name: str
     tags: tuple[str, ...]
@@ -140,7 +140,7 @@ class Job:
         error: why it failed, or why its first attempt did.
         created: when it was queued.
         finished: when it was done or failed for good.
-        told: of the mesh, once its stream has replaced the one that is there; None if there is none.
+        description: of the mesh, once its stream has replaced the one that is there; None if there is none.
         notes: what of the file is not in the stream, or was read otherwise than it stands there.
     """
 
@@ -157,7 +157,7 @@ class Job:
     error: str | None = None
     created: datetime = field(default_factory=now)
     finished: datetime | None = None
-    told: Told | None = None
+    description: MeshDescription | None = None
     notes: tuple[str, ...] = ()
 
 

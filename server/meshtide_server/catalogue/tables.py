@@ -73,7 +73,7 @@ job_table = Table(
     Column("error", Text),
     Column("created", BigInteger, nullable=False),
     Column("finished", BigInteger),
-    Column("told", Text),
+    Column("description", Text),
     Column("notes", Text),
 )
 

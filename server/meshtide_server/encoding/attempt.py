@@ -1,6 +1,6 @@
 """One attempt at a job: the upload is fetched, encoded, and published, and whatever happens is noted in the catalogue.
 
-Three sorts of failure are told apart. What is wrong with the upload, such as a file that is not a mesh or takes longer
+There are three sorts of failure. What is wrong with the upload, such as a file that is not a mesh or takes longer
 than a job may, fails the job for good. What may have been an accident, such as a process that died, is tried once more.
 A fault of the server, such as a store that does not answer, is logged and counted as one; as long as the store is
 away, the job goes back to the queue as if it had not been begun, so that no upload is lost by it.
@@ -68,7 +68,7 @@ class JobAttempt:
         self._box: Box | None = None
         self._notes: tuple[str, ...] = ()
         self._folder = ""
-        """Where the upload lies here, which is not to be told to who sent it."""
+        """Where the upload is on this disk, which its sender must not learn."""
 
     async def run(self, encoder: EncoderProcess) -> None:
         """Work until the job has ended one way or another; if this is cancelled, it is still the owner's."""
@@ -151,7 +151,7 @@ class JobAttempt:
         return await self._failed(f"a fault of the server ({name}); its operator finds more in the log", retry=True)
 
     async def _beat(self, work: asyncio.Task[None]) -> None:
-        """Tell the catalogue again and again how far the job is; end the work if it is not this server's any more."""
+        """Report progress to the catalogue again and again; end the work if it is not this server's any more."""
         jobs = self._published.catalogue.jobs
         while True:
             with suppress(DatabaseUnavailableError):  # one that is away for a moment misses a beat
@@ -174,8 +174,8 @@ class JobAttempt:
         """Encode what the job names, unless the same was encoded before, and publish it."""
         catalogue, store = self._published.catalogue, self._published.store
         mesh = await catalogue.meshes.get(self._job.mesh_id)
-        if self._job.told is not None:  # which the mesh that it replaces is not told yet
-            mesh = replace(mesh, **self._job.told._asdict())
+        if self._job.description is not None:  # which the mesh that it replaces does not have yet
+            mesh = replace(mesh, **self._job.description._asdict())
         suffix = suffix_of(self._job.source_key)
         with tempfile.TemporaryDirectory(prefix="meshtide-job-") as folder:
             self._folder = folder

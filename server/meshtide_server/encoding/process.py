@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger("meshtide.server")
 
 END_SECONDS = 1.0
-"""How long the process may take to end when it is told to, before it is killed."""
+"""How long the process may take to end when it is asked to, before it is killed."""
 PROGRAM = (sys.executable, "-m", "meshtide_server.encoding.worker")
 """The encoder's command line, without its limits."""
 _OUT_OF_TIME = getattr(signal, "SIGXCPU", None)
@@ -215,7 +215,7 @@ class EncoderProcess:
         return event
 
     def _early_end(self, process: Process) -> EncodingFailedError:
-        """What is told of a process that ended by itself; only one that ran out of time would do so again."""
+        """The failure of a process that ended by itself; only one that ran out of time would do so again."""
         if _OUT_OF_TIME is not None and process.returncode == -_OUT_OF_TIME:
             return EncodingFailedError(f"it took more than {self._limits.processor_seconds} s of processor time")
         return EncodingFailedError(f"the encoder's process ended early, {_how_it_ended(process)}", by_process=True)

@@ -1,6 +1,6 @@
 """Whether a `.tide` file of a stranger is what it says: it is decoded to its end, and its header held against that.
 
-Checksums tell damage, not lies. A header may name a profile or options that nobody knows, promise levels that its
+Checksums reveal damage, not lies. A header may name a profile or options that nobody knows, promise levels that its
 packets do not make, counts that they do not have, or distances from the finest mesh that are not theirs, by which
 clients choose what they show and where they stop; they would find out late, or never. So every state is measured as the
 encoder does it, and what is claimed may differ by what the rounding of stored distances and other samples make of it.
@@ -47,7 +47,7 @@ def check_stream(data: bytes, limits: Limits, progress: Callable[[str, float], N
     Args:
         data: the whole `.tide` file.
         limits: what it may hold.
-        progress: is told how far it is.
+        progress: called with the fraction done.
 
     Raises:
         StreamError: it is damaged, over the limits, or not what its header claims.

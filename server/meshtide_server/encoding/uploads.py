@@ -53,7 +53,7 @@ class Upload:
 
 
 def checked_suffix(filename: str) -> str:
-    """The suffix of an uploaded file, which tells its format, and whether a mesh file is packed by gzip.
+    """The suffix of an uploaded file, which gives its format, and whether a mesh file is packed by gzip.
 
     Raises:
         RefusedError: 415, no mesh is read from such a file.

@@ -78,7 +78,7 @@ def main() -> None:
 
 
 def _take_jobs(jobs: SimpleQueue[bytes]) -> None:
-    """Read jobs ahead, to see at once when the server is gone, and nobody is left to tell."""
+    """Read jobs ahead, to see at once when the server is gone, and nobody is left to answer."""
     for line in sys.stdin.buffer:
         jobs.put(line)
     os._exit(0)
@@ -122,7 +122,7 @@ def _work(job: dict[str, Any], reporter: Reporter) -> None:
 
 
 def _encode(job: dict[str, Any], reporter: Reporter, notes: list[str]) -> tuple[bytes, list[list[float]]]:
-    """The stream, and the smallest and largest coordinates of its finest level; notes tell what was left out."""
+    """The stream, and the smallest and largest coordinates of its finest level; notes say what was left out."""
     reporter.progress("load the encoder", 0.0)
     from meshtide_codec.command_options import profile_options  # noqa: PLC0415 - heavy, only of use in this process
     from meshtide_codec.encoder import encode  # noqa: PLC0415 - the same

@@ -53,7 +53,7 @@ class BlockCache:
         Args:
             key: of the block.
             size: of the block in bytes, at most the budget.
-            fetch: brings it; raises, rather than to return bytes that are wrong or too few. All who wait are told.
+            fetch: brings it; raises, rather than to return bytes that are wrong or too few. All who wait get the error.
 
         Raises:
             ValueError: it is larger than the budget.

@@ -58,7 +58,7 @@ class FolderMeshes:
 
     Args:
         directory: the folder, or None if there are only samples.
-        hidden: folders of which nobody is told where on the disk they lie.
+        hidden: folders whose places on the disk nobody learns.
     """
 
     def __init__(self, directory: Path | None, hidden: Sequence[Path]) -> None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Container, Sequence
 
 LONGEST_ID = 100
-"""Letters of a name; one that had to be told from others has a few more."""
+"""Letters of a name; one that others share has a few more."""
 LONGEST_FOLDERS = 90
 """Letters of all folders of an id together: with its name, it keeps to the 200 that the wire protocol knows."""
 _ADDRESSES = frozenset({"header", "stream"})

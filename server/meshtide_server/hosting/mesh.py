@@ -50,7 +50,7 @@ class HostedMesh:
         progress: the fraction of that stage that is done.
         reason: why it failed.
         stream: its stream, once it is ready.
-        record: what the catalogue tells of it, if it comes from there.
+        record: its record in the catalogue, if it comes from there.
     """
 
     id: str

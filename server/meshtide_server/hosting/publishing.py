@@ -70,7 +70,7 @@ async def publish(
         store: takes the stream.
         catalogue: takes the mesh.
         data: the `.tide` file, or its path.
-        publication: what is told of the mesh.
+        publication: the mesh's description.
         overwrite: whether a mesh of that id is replaced.
         job: id and owner of the job that made the stream; it is done with this.
         limits: what the stream may hold.

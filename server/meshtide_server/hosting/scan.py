@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger("meshtide.server")
 
 LONGEST_PAUSE = 1.0
-"""Seconds between two looks at a new file, which tell whether it is still being written; shorter if scans are."""
+"""Seconds between two looks at a new file, which show whether it is still being written; shorter if scans are."""
 
 
 class Scan:

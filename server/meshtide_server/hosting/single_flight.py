@@ -1,4 +1,4 @@
-"""Work that several ask for at the same moment is done once, and its outcome told to all of them."""
+"""Work that several ask for at the same moment is done once, and all of them get its outcome."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class HostedStream:
 
     @property
     def fingerprint(self) -> str:
-        """In hexadecimal, what tells this stream from all others; the header holds every packet's checksum."""
+        """In hexadecimal, what distinguishes this stream from all others; the header holds every packet's checksum."""
         return fingerprint(self.header_bytes).hex()
 
     @property

@@ -46,7 +46,7 @@ class CachePlace:
     Args:
         folders: folders to look in and, in this order, to write to.
         prefix: how the names of all streams of this mesh with these options begin.
-        key: what tells the wanted one.
+        key: of the wanted one.
     """
 
     folders: tuple[Path, ...]
@@ -102,7 +102,7 @@ def _companions(path: Path) -> list[Path]:
         beside = [path.parent / name for name in names if isinstance(name, str) and not name.startswith("data:")]
         return [candidate for candidate in beside if candidate.is_file()]
     except (ValueError, KeyError, TypeError):
-        return []  # reading the mesh will tell what is wrong with it
+        return []  # reading the mesh will show what is wrong with it
 
 
 @cache

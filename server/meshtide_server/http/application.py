@@ -27,7 +27,7 @@ class ServerParts:
     """What a running server is made of.
 
     Args:
-        settings: what it was told.
+        settings: of the server.
         access: who may read and write.
         library: the hosted meshes.
         streams: the running streams.

@@ -75,7 +75,7 @@ class Door:
 
 
 class Gate(asyncio.Protocol):
-    """Stands before `inner`; what a piece is, and what may not pass, is told by a subclass in `cut`.
+    """Stands before `inner`; a subclass decides in `cut` what a piece is, and what may not pass.
 
     Args:
         inner: the protocol behind.

@@ -33,7 +33,7 @@ _WRITING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 LARGEST_CHANGE = 512 * 1024
 """Bytes of a PATCH request's body. The framework has all of it in memory before it looks at the request's token."""
 _CONNECTION_RETRY = 5
-"""Seconds after which a client with too many connections is told to try again."""
+"""Seconds after which a client with too many connections is asked to try again."""
 
 
 class SlowClientError(ConnectionAbortedError):
@@ -133,7 +133,7 @@ def _bounded(receive: Receive) -> Receive:
         message = await receive()
         received += len(message.get("body", b""))
         if received > LARGEST_CHANGE:
-            words = f"the body is longer than {LARGEST_CHANGE} bytes, more than can be told of a mesh"
+            words = f"the body is longer than {LARGEST_CHANGE} bytes, more than any change of a mesh needs"
             raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, words, {"Connection": "close"})
         return message
 

@@ -49,20 +49,20 @@ class _Question(BaseModel):
 
 def _field(name: str, asked: Asked, default: object) -> tuple[Any, Any]:
     """A field of MeshQuery as pydantic makes it: its kind, and what else is known of it."""
-    told: dict[str, Any] = {"description": asked.meaning}
+    described: dict[str, Any] = {"description": asked.meaning}
     if asked.example is not None:
-        told["examples"] = [asked.example]
+        described["examples"] = [asked.example]
     if name == "tags":
-        return list[Annotated[str, Field(**_TEXT)]], Field([], max_length=MOST_TAGS, **told)
+        return list[Annotated[str, Field(**_TEXT)]], Field([], max_length=MOST_TAGS, **described)
     if name == "status":
-        return Status | None, Field(None, **told)
+        return Status | None, Field(None, **described)
     if name == "box":
-        return str | None, Field(None, **told)
+        return str | None, Field(None, **described)
     if name.startswith("created"):
-        return datetime | None, Field(None, **told)
+        return datetime | None, Field(None, **described)
     if isinstance(default, str):
-        return str, Field(default, **_TEXT, **told)
-    return int | None, Field(None, ge=0, le=asked.largest, **told)
+        return str, Field(default, **_TEXT, **described)
+    return int | None, Field(None, ge=0, le=asked.largest, **described)
 
 
 def _fields() -> dict[str, Any]:

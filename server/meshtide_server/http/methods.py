@@ -1,6 +1,6 @@
-"""Which methods an address knows: HEAD wherever GET is, OPTIONS that tells all of them, and so does a refusal (405).
+"""Which methods an address knows: HEAD wherever GET is, OPTIONS that lists them, as a refusal (405) does.
 
-Several routes may share an address, one a method; a framework that tells a method is not allowed knows only one of
+Several routes may share an address, one a method; a framework that refuses a method knows only one of
 them.
 """
 

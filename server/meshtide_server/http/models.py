@@ -240,7 +240,7 @@ class MeshDetail(BaseModel):
     fingerprint: str = Field(description="Of the stream, in hexadecimal; also the entity tag of the .tide file.")
     profile: str
     effort: Effort | None = Field(description="What counted when it was encoded; none in profile classic.")
-    options: dict[str, Any] = Field(description="What the profile's decoder is told.")
+    options: dict[str, Any] = Field(description="The header's fields of the stream's profile.")
     bits: int = Field(description="Quantization bits per coordinate.")
     origin: tuple[float, float, float] = Field(description="Position of grid point (0, 0, 0).")
     extent: float = Field(description="Length of the grid's side.")

@@ -122,7 +122,7 @@ async def _let_go(scope: Scope) -> None:
 
 
 async def _close_with(scope: Scope, receive: Receive, answer: _Answer, identifier: str) -> None:
-    """Tell a client whose request met a fault, as far as the answer has not begun."""
+    """Answer a client whose request met a fault, unless the answer has begun."""
     if scope["type"] == "websocket":
         with suppress(OSError):  # the client has left
             reason = f"a fault of the server: {identifier}"

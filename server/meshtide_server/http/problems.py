@@ -66,8 +66,8 @@ def handle_problems(app: FastAPI) -> None:
         assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for no other
         status = HTTPStatus(error.status_code)
         message = {
-            HTTPStatus.NOT_FOUND: "there is nothing at this address; GET / tells where everything is",
-            HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not for this address; /docs tells what is",
+            HTTPStatus.NOT_FOUND: "there is nothing at this address; GET / lists what there is",
+            HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not for this address; /docs lists those that are",
         }.get(status, str(error.detail))
         headers = dict(error.headers or {})
         if status == HTTPStatus.METHOD_NOT_ALLOWED:

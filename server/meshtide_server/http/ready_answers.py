@@ -40,7 +40,7 @@ class ReadyAnswer(NamedTuple):
         headers: of the answer.
         body: all of it.
         route: that gave it, for the metrics.
-        holds: tells, without waiting, whether it would still be given.
+        holds: says, without waiting, whether it would still be given.
         until: when it has to be made anew, in seconds of the clock.
     """
 
@@ -88,7 +88,7 @@ class ReadyAnswers:
             await send({"type": "http.response.body", "body": answer.body})
 
     def _forgetting(self, send: Send) -> Send:
-        """`send` of a request that writes: what it has changed is seen by whoever is told that it did."""
+        """`send` of a request that writes: whoever gets its answer sees what it changed."""
 
         async def forget(message: Message) -> None:
             if message["type"] == "http.response.start":

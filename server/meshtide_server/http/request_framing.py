@@ -16,7 +16,7 @@ from meshtide_codec.errors import MeshtideError
 
 END = b"\r\n\r\n"
 LONGEST_CHUNK_LINE = 1024
-"""Bytes of the line before a chunk, which tells its length."""
+"""Bytes of the line before a chunk, which gives its length."""
 _LENGTH_LINES = re.compile(rb"\r\n(content-length|transfer-encoding):[ \t]*([^\r\n]*?)[ \t]*(?=\r\n)")
 _LENGTH = re.compile(rb"[0-9]{1,18}")
 _HOST_LINES = re.compile(rb"\r\nhost:[ \t]*([^\r\n]*?)[ \t]*(?=\r\n)", re.IGNORECASE)
@@ -110,7 +110,7 @@ def body_of(head: bytes) -> int | Body:
         return 0
     found = _LENGTH_LINES.findall(lowered)
     if len(found) > 1:
-        raise _malformed("it tells the length of its body more than once")
+        raise _malformed("it gives the length of its body more than once")
     name, value = found[0]
     request, _, _ = head.partition(b"\r\n")
     if request.startswith(b"CONNECT "):

@@ -1,7 +1,7 @@
 """The websocket side of a stream: a thin shell around the codec's ServerSession.
 
 One task feeds the session what the client sends, another sends what the session has, never more than the client has
-granted and its socket takes. Whatever ends a stream early is told to the client in an error frame first, and then in
+granted and its socket takes. Whatever ends a stream early reaches the client in an error frame first, and then in
 the close code.
 
 ======================  =====  ==================================================================================
@@ -149,7 +149,7 @@ class RunningStreams:
             self._running.discard(task)
 
     async def close(self, patience: float = 2 * GOODBYE_SECONDS + 0.5) -> None:
-        """Tell all clients that the server goes away, and wait until they know, at most `patience` seconds."""
+        """Announce to all clients that the server goes away, and wait until they know, at most `patience` seconds."""
         self._closing = True
         for conversation in self._conversations:
             conversation.end(_SHUTTING_DOWN)
@@ -167,7 +167,7 @@ class RunningStreams:
         except Exception:
             logger.exception("a fault of the server in a stream")
             metrics.fault("stream")
-            return Farewell(1011, "internal", "the server made a mistake; its log tells which")
+            return Farewell(1011, "internal", "the server made a mistake; its log has the details")
 
     async def _stream(self, websocket: WebSocket, mesh_id: str) -> Farewell | None:
         """Stream to one client; returns how to part from it, or None if it has left."""
@@ -327,7 +327,7 @@ class Conversation:
             await self._websocket.send_bytes(frame)
 
     def _count(self) -> None:
-        """Tell the metrics what was sent since the last time; not with each frame, of which there are many."""
+        """Count in the metrics what was sent since the last time; not with each frame, of which there are many."""
         for kind, size in self._session.sent_by_kind.items():
             metrics.stream_sent(kind, size)
         self._session.sent_by_kind.clear()

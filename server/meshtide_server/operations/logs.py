@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from meshtide_server.settings import LogFormat
 
 HEADER = b"x-request-id"
-"""The header that brings an id in and tells it, in the spelling of ASGI."""
+"""The header that brings an id in and returns it, in the spelling of ASGI."""
 
 LONGEST_LINE = 10_000
 """Characters of a line; an error may quote all of a file."""

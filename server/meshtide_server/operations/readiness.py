@@ -61,7 +61,7 @@ class Readiness:
 class StoreCheck:
     """Whether the store answers; until it did so once, also whether there is one.
 
-    A bucket that does not exist tells of each object the same as one that exists: that it has not got it.
+    A bucket that does not exist answers for each object as one that exists: it has no such object.
 
     Args:
         store: is asked.

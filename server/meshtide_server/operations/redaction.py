@@ -37,7 +37,7 @@ class RedactionFilter(logging.Filter):
         try:
             message = record.getMessage()
         except (TypeError, ValueError):
-            return True  # a record that cannot be written; the handler tells where it came from
+            return True  # a record that cannot be written; the handler says where it came from
         redacted = redact(message)
         if redacted != message:
             record.msg, record.args = redacted, ()

@@ -58,7 +58,7 @@ class ClientLimits:
         writes_per_minute: requests of one client that write; 0 for no limit.
         unlimited: networks to which none of this applies.
         clock: seconds, never going back.
-        most: how many clients are told apart.
+        most: how many clients are counted apart.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Token bucket: bounds a rate and lets bursts pass (as in RFC 2697, without its colours). No clock of its own.
 
 The bucket fills at a steady rate up to its capacity. `try_take` is for what can be refused, such as a request; `take`
-is for what will happen anyway, such as bytes that are sent: it may leave a debt, and tells how long paying it takes.
+is for what will happen anyway, such as bytes that are sent: it may leave a debt, and says how long paying it takes.
 Cost: constant, and nothing runs in the background.
 """
 

@@ -49,7 +49,7 @@ class TokenSet:
     def __contains__(self, token: str) -> bool:
         digest = self._digest(token)
         found = False
-        for known in self._digests:  # all of them, so that the time does not tell which one it was
+        for known in self._digests:  # all of them, so that the time does not reveal which one it was
             found |= hmac.compare_digest(known, digest)
         return found
 

@@ -1,6 +1,6 @@
 """Copying a store into another one, for a backup, for getting one back, for moving; and checking a store.
 
-Keys tell the SHA-256 of their bytes, so every object that is read is held against it: what is damaged is not copied.
+Keys hold the SHA-256 of their bytes, so every object that is read is checked against it: what is damaged is not copied.
 What the target has under the same key with the same size is left alone: keys are made of the bytes' SHA-256. So a
 copy that was interrupted goes on where it was, and one that is made every night takes what is new. Nothing is deleted.
 """
@@ -65,7 +65,7 @@ async def copy_store(source: Store, target: Store, progress: Callable[[Copied], 
     Args:
         source: is only read.
         target: gets what it has not.
-        progress: is told after each object.
+        progress: called after each object.
 
     Raises:
         StoreError: one of the two does not do what it is asked to; what was copied by then is whole.
@@ -87,11 +87,11 @@ async def copy_store(source: Store, target: Store, progress: Callable[[Copied], 
 
 
 async def check_store(store: Store, progress: Callable[[Checked], None] = lambda _: None) -> Checked:
-    """Read every object of `store` and hold it against the SHA-256 that its key tells.
+    """Read every object of `store` and check it against the SHA-256 in its key.
 
     Args:
         store: is only read.
-        progress: is told after each object.
+        progress: called after each object.
 
     Raises:
         StoreError: the store does not do what it is asked to.
@@ -151,7 +151,7 @@ async def _copy(source: Store, target: Store, info: ObjectInfo, copied: Copied) 
 
 
 async def _pieces(source: Store, info: ObjectInfo) -> AsyncIterator[bytes]:
-    """An object piece by piece; after the last one, an error if these were not the bytes that its key tells."""
+    """An object piece by piece; after the last one, an error if these were not the bytes of its key."""
     digest = hashlib.sha256()
     for start in range(0, info.size, PIECE_BYTES):
         try:

@@ -99,7 +99,7 @@ def suffix_of(key: str) -> str:
 
 
 def digest_of(key: str) -> str | None:
-    """The SHA-256 that the bytes of an object have, in hexadecimal, if its key tells.
+    """The SHA-256 that the bytes of an object have, in hexadecimal, if its key says.
 
     >>> digest_of(stream_key("0a" * 32)) == digest_of(source_key("0a" * 32, ".obj")) == "0a" * 32
     True

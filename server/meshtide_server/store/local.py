@@ -124,7 +124,7 @@ class LocalStore:
         """Nothing to let go of."""
 
     async def _in_thread(self, key: str, work: Callable[[], Result]) -> Result:
-        """Do what may wait for the disk in a thread, its errors told as this package's own."""
+        """Do what may wait for the disk in a thread, its errors as this package's own."""
         try:
             return await asyncio.to_thread(work)
         except (FileNotFoundError, NotADirectoryError, IsADirectoryError) as error:

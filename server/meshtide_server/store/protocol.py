@@ -61,7 +61,7 @@ class RangeReader(Protocol):
         """
 
     def unchanged(self) -> bool:
-        """Whether they are, as far as can be told without reading them, those that were first seen."""
+        """Whether they are, as far as can be known without reading them, those that were first seen."""
 
 
 class Store(Protocol):

@@ -39,7 +39,7 @@ PART_BYTES = 8 << 20
 CONNECT_SECONDS = 5
 REQUEST_SECONDS = 60
 RETRY_SECONDS = 30
-"""How long failing requests are repeated before the failure is told."""
+"""How long failing requests are repeated before the failure is reported."""
 
 
 class S3Store:

@@ -1,4 +1,4 @@
-"""The routes of whoever looks after a catalogue: what is told of a mesh can be changed, and which tags there are."""
+"""The routes of whoever looks after a catalogue: a mesh's name, tags and licence, and which tags there are."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _REFUSALS: dict[int | str, dict[str, Any]] = {
 
 
 class MeshChange(BaseModel):
-    """What is to be told of a mesh from now on; what is left out stays as it is."""
+    """A mesh's name, tags and licence from now on; what is left out stays as it is."""
 
     model_config = ConfigDict(
         extra="forbid", json_schema_extra={"examples": [{"tags": ["scan", "animal"], "licence": "CC BY 4.0"}]}
@@ -77,7 +77,7 @@ _TAGS = TypeAdapter(list[TagCount])
 
 @router.patch(
     "/meshes/{mesh_id}",
-    summary="Change what is told of a mesh",
+    summary="Change a mesh's name, tags or licence",
     tags=["ingest"],
     responses=_REFUSALS,
     dependencies=[Depends(require_write)],
@@ -92,7 +92,7 @@ async def change_mesh(server: Running, mesh_id: MeshId, change: MeshChange) -> M
     except UnknownMeshError as error:
         raise RefusedError(HTTPStatus.NOT_FOUND, "unknown-mesh", f"no mesh {mesh_id!r} is published here") from error
     if record.state == Status.ENCODING:
-        message = f"mesh {mesh_id!r} is being encoded, and what is told of it comes with that; try again afterwards"
+        message = f"mesh {mesh_id!r} is being encoded, and gets its description with that; try again afterwards"
         raise RefusedError(HTTPStatus.CONFLICT, "encoding", message)
     await published.refresh_mesh(mesh_id)
     return MeshSummary.of(shown(record))

@@ -117,10 +117,10 @@ class JobStatus(BaseModel):
 
 
 class UploadQuery(BaseModel):
-    """What is told of an upload beside its bytes."""
+    """What is said of an upload beside its bytes."""
 
     filename: str = Field(
-        description="Name of the file; its suffix tells the format.",
+        description="Name of the file; its suffix gives the format.",
         max_length=LONGEST_NAME,
         pattern=PRINTABLE,
         examples=["scan.ply"],
@@ -252,7 +252,7 @@ async def job_events(request: Request, server: Running, job_id: JobId) -> Respon
     """Server-sent events: the state of a job whenever it changes, until it is done or has failed."""
     first = await _job(server, job_id)
     headers = {"Cache-Control": "no-cache"}
-    if request.method == "HEAD":  # which does not wait for what it is not told
+    if request.method == "HEAD":  # which does not wait for events that it would not get
         return StreamingResponse(iter(()), media_type="text/event-stream", headers=headers)
     return StreamingResponse(_events(server, first), media_type="text/event-stream", headers=headers)
 
@@ -260,12 +260,12 @@ async def job_events(request: Request, server: Running, job_id: JobId) -> Respon
 async def _events(server: ServerParts, job: Job) -> AsyncIterator[str]:
     loop = asyncio.get_running_loop()
     end = loop.time() + LONGEST_WATCH_SECONDS
-    told: JobStatus | None = None
+    sent: JobStatus | None = None
     while loop.time() < end and not server.draining.is_set():
         status = JobStatus.of(job)
-        if status != told:
+        if status != sent:
             yield f"event: job\ndata: {json.dumps(status.model_dump(mode='json'))}\n\n"
-            told = status
+            sent = status
         if job.state in {JobState.DONE, JobState.FAILED}:
             return
         await asyncio.sleep(EVENT_SECONDS)

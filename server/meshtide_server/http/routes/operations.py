@@ -59,7 +59,7 @@ async def exposition(
 ) -> Response:
     """Streams, bytes by kind of packet, time to the first packet, jobs, requests and faults, for Prometheus."""
     if server.settings.metrics == "off":
-        raise RefusedError(HTTPStatus.NOT_FOUND, "not-found", "this server does not tell its metrics")
+        raise RefusedError(HTTPStatus.NOT_FOUND, "not-found", "this server does not show its metrics")
     if server.settings.metrics == "read":
         server.access.check_read(credentials.credentials if credentials else None)
     body, media_type = await asyncio.to_thread(metrics.exposition)
