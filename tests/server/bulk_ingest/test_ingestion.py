@@ -25,7 +25,7 @@ from ..made_streams import make_stream
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterable
 
-Told = tuple[str, str | None, str, str | None]
+Reported = tuple[str, str | None, str, str | None]
 
 
 class Encoders:
@@ -81,7 +81,7 @@ class Ingest:
         self.folder = folder
         self.store: Any = MemoryStore()
         self.encoders = Encoders()
-        self.told: list[Told] = []
+        self.told: list[Reported] = []
         self.notes: list[tuple[str, str]] = []
         self.settings = Settings(data=folder / "data", max_upload=100_000)
 
@@ -91,9 +91,9 @@ class Ingest:
         path.write_text(content)
         return path
 
-    async def run(self, files: Iterable[Chosen], **more: Any) -> list[Told]:
+    async def run(self, files: Iterable[Chosen], **more: Any) -> list[Reported]:
         self.told.clear()
-        given: dict[str, Any] = {"tags": ("scan",), "licence": "CC0", "taken": set(), "tell": self.tell, **more}
+        given: dict[str, Any] = {"tags": ("scan",), "licence": "CC0", "taken": set(), "report": self.tell, **more}
         await Ingestion(self.store, self.catalogue, self.encoders, self.settings, **given).run(files)
         return sorted(self.told)
 

@@ -5,7 +5,7 @@ import pytest
 
 from meshtide_codec.stream.mesh_query import MeshQuery
 from meshtide_server.catalogue import Catalogue, MeshExistsError, MeshRecord, Status, StreamRecord, UnknownMeshError
-from meshtide_server.catalogue.rows import Told
+from meshtide_server.catalogue.rows import MeshDescription
 
 from ..catalogues import stream_record
 
@@ -173,7 +173,7 @@ async def test_a_change_and_an_upload_at_once_leave_the_upload(catalogue: Catalo
         mesh = await catalogue.meshes.get(mesh_id)
         assert (mesh.state, mesh.stream is None) == (Status.READY, False)  # until the job is done
         (job,) = await catalogue.jobs.list(mesh_id=mesh_id)
-        assert job.told == Told("new.obj", ("new",), "", None)
+        assert job.description == MeshDescription("new.obj", ("new",), "", None)
         again = await catalogue.change(mesh_id, licence="MIT")
         assert (again.state, again.licence == "MIT") == (Status.ENCODING, False)  # the job brings all of this
         claimed = await catalogue.jobs.claim("worker")
