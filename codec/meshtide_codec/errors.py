@@ -24,6 +24,9 @@
 
 from __future__ import annotations
 
+from copy import copy
+from typing import Self
+
 from meshtide_codec.printable import printable
 
 _LONGEST_MESSAGE = 4000
@@ -78,6 +81,16 @@ class StreamError(MeshtideError):
         if offset is not None:
             places.append(f"byte {offset}")
         super().__init__(f"{', '.join(places)}: {message}" if places else message)
+
+    def within(self, file: str) -> Self:
+        """The same error, in a message that begins with the name of the file.
+
+        >>> str(PacketError("bad checksum", level=3).within("bunny.tide"))
+        'bunny.tide: level 3: bad checksum'
+        """
+        named = copy(self)
+        named.args = (f"{file}: {self}",)
+        return named
 
 
 class ContainerError(StreamError):

@@ -21,7 +21,7 @@ import struct
 import zlib
 from typing import TYPE_CHECKING
 
-from meshtide_codec.errors import ContainerError, LimitError, PacketError, TruncatedError
+from meshtide_codec.errors import ContainerError, LimitError, PacketError, StreamError, TruncatedError
 from meshtide_codec.limits import Limits
 from meshtide_codec.packets import Packet
 from meshtide_codec.stream.header import FORMAT_VERSION, StreamHeader, check_version
@@ -201,18 +201,18 @@ def read_container(data: bytes | memoryview, limits: Limits | None = None) -> tu
 
 def read_available(
     data: bytes | memoryview, limits: Limits | None = None
-) -> tuple[StreamHeader, Sequence[Packet], Exception | None]:
+) -> tuple[StreamHeader, Sequence[Packet], StreamError | None]:
     """Header, the whole packets before the first damage or the end, and the error met there (None if complete).
 
     Raises:
         TruncatedError, ContainerError, LimitError: not even the header can be read.
     """
     reader = ContainerReader(limits)
-    problem: Exception | None = None
+    problem: StreamError | None = None
     try:
         reader.feed(data)
         reader.finish()
-    except (TruncatedError, ContainerError, PacketError, LimitError) as error:
+    except StreamError as error:
         if reader.header is None:
             raise
         problem = error
