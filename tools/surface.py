@@ -22,8 +22,8 @@ from typing import Any
 
 import typer
 
+from meshtide_client.commands.application import build
 from meshtide_client.commands.deferred import deferred
-from meshtide_client.main import build
 from meshtide_codec.command_line import ExitCode, run
 
 FOLDER = Path(__file__).parents[1] / "tests" / "end_to_end" / "surface"

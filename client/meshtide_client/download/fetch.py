@@ -21,6 +21,7 @@ from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.output_files import orderly_termination
 from meshtide_codec.stream.container import PREAMBLE_BYTES
+from meshtide_codec.termination import Terminated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -134,7 +135,7 @@ def fetch(
             save_mesh(result.mesh, destination.output, kind=destination.format, replace=overwrite)
         if isinstance(holding, PartialFile) and destination.stream_file is None:
             holding.discard()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Terminated):
         if notify is not None and holding.header is not None:
             notify(holding.summary())
         raise
