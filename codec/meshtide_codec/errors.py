@@ -7,6 +7,7 @@
     │   └── MeshFileError          a file cannot be read or written as a mesh
     ├── CoreError                  the compiled core is missing, older than its sources, or not for this machine
     ├── OptionError                an option is outside of its range (also a ValueError)
+    │   └── MissingLibraryError    what is asked for takes a library that is not installed
     ├── StreamError                bytes that are damaged, cut off, or not a meshtide stream
     │   ├── ContainerError         magic, version, header, packet table
     │   │   └── VersionError       the stream is of another format than this program's
@@ -51,6 +52,10 @@ class CoreError(MeshtideError):
 
 class OptionError(MeshtideError, ValueError):
     """An option is outside of its range."""
+
+
+class MissingLibraryError(OptionError):
+    """What is asked for takes a library that is not installed; the message tells how to install it."""
 
 
 class StreamError(MeshtideError):

@@ -14,6 +14,7 @@ from meshtide_codec.errors import (
     LimitError,
     MeshFileError,
     StreamError,
+    TruncatedError,
     VersionError,
 )
 from meshtide_codec.stream.container import write_container
@@ -52,3 +53,33 @@ def test_few_bytes_that_claim_millions_need_an_option(tmp_path: Path) -> None:
         assert isinstance(meshtide(command, path).exception, LimitError)
     assert meshtide("info", path, "--max-vertices", 1 << 23).exit_code == 0
     assert isinstance(meshtide("info", path, "--max-vertices", 1000).exception, LimitError)
+
+
+def test_a_stream_is_not_encoded_again(stream_file: Path, tmp_path: Path) -> None:
+    for name in ("grid.tide", "renamed.ply"):
+        (tmp_path / "renamed.ply").write_bytes(stream_file.read_bytes())
+        path = tmp_path / name
+        refused = meshtide("encode", path, "-o", tmp_path / "again.tide").exception
+        assert isinstance(refused, MeshFileError)
+        assert "a .tide stream" in str(refused)
+        assert "encoded already" in str(refused)
+        assert "meshtide decode" in str(refused)
+    assert not (tmp_path / "again.tide").exists()
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.obj", "a.off", "a.stl", "a.glb", "a.ply.gz", "a.tide", "a"])
+def test_an_empty_file_is_told_by_its_name(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.touch()
+    commands = ["decode", "info"] if name == "a.tide" else ["encode"]
+    for command in commands:
+        error = meshtide(command, path).exception
+        assert isinstance(error, TruncatedError if name == "a.tide" else MeshFileError)
+        assert str(path) in str(error)
+        assert "is empty" in str(error)
+
+
+def test_messages_about_levels_name_the_file(stream_file: Path) -> None:
+    error = meshtide("decode", stream_file, "--level", 50).exception
+    assert str(error).startswith(f"{stream_file} has levels 0 to ")
+    assert str(error).endswith("; there is no level 50")

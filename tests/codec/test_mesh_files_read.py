@@ -82,9 +82,9 @@ def test_contents_that_could_be_several_things_are_left_to_their_readers() -> No
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("a.xyzzy", r"nothing is known about files named \*\.xyzzy; read are obj, ply, off, stl, glb, gltf, and"),
-        ("a", "its name does not show the format; --format names it"),
-        ("a.gz", "its name does not show the format"),
+        ("a.xyzzy", r"nothing is known about files named \*\.xyzzy; obj, ply, off, stl, glb, gltf can be read, and"),
+        ("a", "its name does not tell the format; --format names it"),
+        ("a.gz", "its name does not tell the format"),
     ],
 )
 def test_formats_that_are_not_known(tmp_path: Path, name: str, message: str) -> None:

@@ -66,16 +66,18 @@ class Download:
         loss: PacketFilter | None = None,
     ) -> None:
         self.address = address
+        self._asked_level = until.level if until else None
         self._until = _sendable(until or Until())
         self._limits = limits
         self._holding = holding
         self._progress = progress or (lambda _size, _total: None)
+        self._notify = notify or (lambda _: None)
         self._attempts = Attempts(
             address,
             holding,
             until=self._until,
             link=link or Link(),
-            notify=notify or (lambda _: None),
+            notify=self._notify,
             limits=limits,
             transport=transport,
         )
@@ -155,6 +157,9 @@ class Download:
         """Decode a stream from its first packet on."""
         self._wanted = wanted
         self._nearest = math.inf
+        level, coarsest = self._asked_level, header.levels[0].level
+        if level is not None and level > coarsest:
+            self._notify(f"the stream has levels 0 to {coarsest}, and not {level}: the coarsest is fetched")
         self._settled.clear()
         if self._loss is None:
             self._receiver = DirectReceiver(header, self._limits)

@@ -67,7 +67,7 @@ def compare(
                 comparisons += [compare_mesh(f"{name}", mesh, each, progress) for each in options]
             except MeshError as error:
                 refused[name] = str(error)
-    if files is not None:
+    if files is not None and comparisons:
         files.write(comparisons)
     _show(comparisons, refused, as_json=as_json)
     if not comparisons:
@@ -122,26 +122,28 @@ class _Files:
         check_different((path.stem, path) for path in paths.values())
         names = [*(f"{name}.csv" for name in self.TABLES), "comparison.json"]
         names += [f"{name}-{each}.png" for name in paths for each in dict.fromkeys(bits)]
-        files = {name: folder / name for name in names}
-        self._files = {
-            name: output_file(path, paths.values(), overwrite=overwrite, new_folder=True)
-            for name, path in files.items()
-        }
-        folder.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            output_file(folder / name, paths.values(), overwrite=overwrite, new_folder=True)
+        self._overwrite = overwrite
+        self._folder = folder
 
     def write(self, comparisons: Sequence[MeshComparison]) -> None:
-        """Write all of them."""
+        """Write all of them, or none."""
         from meshtide_codec.json_text import json_text
+        from meshtide_codec.output_files import made_folder, write_together
         from meshtide_lab.comparison import plots, tables
 
+        contents: dict[str, bytes] = {}
         rows = (tables.size_rows(comparisons), tables.target_rows(comparisons), tables.state_rows(comparisons))
         for name, found in zip(self.TABLES, rows, strict=True):
-            self._files[f"{name}.csv"].write(encodable(tables.csv_text(found)).encode())
-        self._files["comparison.json"].write(json_text(tables.plain_comparison(comparisons), indent=1).encode())
+            contents[f"{name}.csv"] = encodable(tables.csv_text(found)).encode()
+        contents["comparison.json"] = json_text(tables.plain_comparison(comparisons), indent=1).encode()
         for item in comparisons:
             title = f"{shown(item.name)}: {item.vertices} vertices, B = {item.bits}"
             size = None if item.draco is None else item.draco.size
-            self._files[f"{item.name}-{item.bits}.png"].write(plots.comparison_plot(title, item.curves, size))
+            contents[f"{item.name}-{item.bits}.png"] = plots.comparison_plot(title, item.curves, size)
+        with made_folder(self._folder):
+            write_together([(self._folder / name, data) for name, data in contents.items()], replace=self._overwrite)
 
 
 def _show(comparisons: Sequence[MeshComparison], refused: dict[str, str], *, as_json: bool) -> None:

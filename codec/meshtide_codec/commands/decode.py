@@ -41,7 +41,7 @@ def decode(
 
     Example: meshtide decode bunny.tide -o bunny-coarse.ply --level 2
     """
-    from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.command_line import LONGEST_EXPLANATION, progress_bar
     from meshtide_codec.commands.stream_input import read_stream
     from meshtide_codec.decoder import Decoder
     from meshtide_codec.errors import OptionError
@@ -52,7 +52,7 @@ def decode(
     from meshtide_codec.order import in_input_order
     from meshtide_codec.output_policy import output_file
     from meshtide_codec.own_streams import default_mesh
-    from meshtide_codec.printable import shown
+    from meshtide_codec.printable import printable, shown
 
     path = output or default_mesh(stream, kind or "ply")
     target = output_file(path, [stream], overwrite=overwrite, standard_output=True)
@@ -60,11 +60,11 @@ def decode(
     limits = wanted_limits(max_vertices, max_faces)
     header, packets, problem = read_stream(stream, limits)
     if problem is not None and not partial:
-        typer.echo("what is whole of it can be had: add --partial", err=True)
+        typer.echo(f"meshtide: {shown(stream)} is damaged or cut short; --partial decodes the rest", err=True)
         raise problem
     coarsest = header.levels[0].level
     if not 0 <= level <= coarsest:
-        raise OptionError(f"the stream has levels 0..{coarsest}, not {level}")
+        raise OptionError(f"{shown(stream)} has levels 0 to {coarsest}; there is no level {level}")
     with progress_bar("decode") as progress:
         decoder = Decoder(header, limits)
         wanted = packets if input_order else packets[: header.packet_count(level)]
@@ -73,11 +73,14 @@ def decode(
             decoder.push(packet)
         found = level if decoder.is_available(level) else decoder.best
         if found is None:
-            raise problem or OptionError("the stream holds no whole level")
+            raise problem or OptionError(f"{shown(stream)} holds no whole level")
         mesh = decoder.mesh(found)
         if input_order:
             if decoder.order is None or found != 0:
-                raise OptionError("the input's order is known for level 0 of a stream encoded with --store-order only")
+                raise OptionError(
+                    f"{shown(stream)} does not tell the input's order: it takes a stream that was encoded with "
+                    "--store-order, and level 0"
+                )
             mesh = in_input_order(mesh, decoder.order)
     save_mesh(mesh, target.path, kind=kind, replace=target.replace)
     answer = {
@@ -93,7 +96,7 @@ def decode(
         typer.echo(json_text(answer), err=aside)
         return
     if problem is not None:
-        typer.echo(f"the file is not whole ({problem})", err=True)
+        typer.echo(printable(f"{problem}; decoded what is whole", LONGEST_EXPLANATION), err=True)
     state = "" if answer["exact"] else ", predicted only"
     counts = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces{state}"
     typer.echo(f"{shown(target.path)}: level {found}, {counts}", err=aside)

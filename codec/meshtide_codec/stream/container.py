@@ -118,6 +118,8 @@ class ContainerReader:
 
     def finish(self) -> None:
         """Raise TruncatedError unless the file is complete."""
+        if self.header is None and not self._pending:
+            raise TruncatedError("the file is empty; nothing can be decoded")
         if self.header is None:
             raise TruncatedError(
                 f"the file ends after {len(self._pending)} bytes, inside its header; nothing can be decoded"
