@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshtide_codec.testing import tetrahedron
 from meshtide_codec.errors import MeshFileError, MissingLibraryError
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh_files import other_formats

@@ -5,10 +5,11 @@ from __future__ import annotations
 import gzip
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.file_suffix import GZIP_SUFFIX
+from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.formats import SUFFIXES, Written, writer_of
 from meshtide_codec.mesh_files.not_kept import not_kept
 from meshtide_codec.mesh_files.other_formats import WRITTEN, write_other
@@ -23,9 +24,6 @@ from meshtide_codec.output_files import (
 from meshtide_codec.output_policy import REMEDY
 from meshtide_codec.printable import shown
 from meshtide_codec.scene import Scene
-
-if TYPE_CHECKING:
-    from meshtide_codec.mesh import Mesh
 
 
 def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, replace: bool = True) -> tuple[str, ...]:
@@ -49,6 +47,7 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
             replaced.
         OSError: a file cannot be written, or is there and may not be replaced; nothing is left behind of it.
     """
+    check_type("the scene", scene, Scene, remedy="save_mesh writes a mesh")
     path = Path(path)
     suffix = f".{format_of(path, kind)}"
     writer = writer_of(suffix)
@@ -84,6 +83,7 @@ def save_mesh(mesh: Mesh, path: Path | str, *, kind: str | None = None, replace:
         OptionError: the format is unknown, or takes a library that is not installed.
         OSError: the file cannot be written, or is there and may not be replaced; nothing is left behind.
     """
+    check_type("the mesh", mesh, Mesh, remedy="Mesh.checked makes one of arrays, save_scene writes a scene")
     save_scene(Scene.of(mesh), path, kind=kind, replace=replace)
 
 

@@ -21,6 +21,7 @@ import struct
 import zlib
 from typing import TYPE_CHECKING
 
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import ContainerError, LimitError, PacketError, StreamError, TruncatedError
 from meshtide_codec.limits import Limits
 from meshtide_codec.packets import Packet
@@ -85,6 +86,7 @@ class ContainerReader:
 
     def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits or Limits()
+        check_type("limits", limits, Limits, type(None))
         self._pending = bytearray()
         self._start = 0
         self._error: Exception | None = None
@@ -107,6 +109,7 @@ class ContainerReader:
         """
         if self._error is not None:
             raise self._error
+        check_type("a stream's data", data, bytes, bytearray, memoryview, remedy="Path.read_bytes reads a file")
         self._pending += data
         first_new = len(self.packets)
         try:
