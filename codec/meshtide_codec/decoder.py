@@ -22,10 +22,10 @@ from meshtide_codec.errors import LimitError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.order import Order, read_order
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.quantize import dequantize
 from meshtide_codec.stream.container import read_container
 from meshtide_codec.stream.header import StreamHeader, parsed
-from meshtide_codec.packets import Packet, PacketKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from meshtide_codec.packets import Packet
     from meshtide_codec.profile import Encoding
     from meshtide_codec.shown_state import ShownState
 

@@ -18,9 +18,10 @@ from meshtide_codec.file_suffix import split_name
 from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_codec.output_files import STANDARD_OUTPUT
 from meshtide_codec.output_policy import REMEDY, output_file
+from meshtide_codec.packets import MAGIC
 from meshtide_codec.printable import shown
 from meshtide_codec.quantize import quantize
-from meshtide_codec.stream.container import MAGIC, ContainerReader
+from meshtide_codec.stream.container import ContainerReader
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-
 from meshtide_client.commands import application
 from meshtide_client.connection.link import Link
 from meshtide_client.export.site import export_static

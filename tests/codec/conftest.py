@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from command_runner import meshtide
-from meshtide_codec.testing import grid
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from pathlib import Path

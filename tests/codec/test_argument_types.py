@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import meshtide_codec
-from meshtide_codec.testing import grid
 from meshtide_codec.argument_types import check_type
+from meshtide_codec.testing import grid
 from streams import encoded_grid
 
 if TYPE_CHECKING:

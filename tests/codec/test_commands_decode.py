@@ -4,12 +4,12 @@ import json
 from typing import TYPE_CHECKING
 
 from command_runner import meshtide
-from meshtide_codec.testing import grid
 from meshtide_codec.errors import (
     OptionError,
     TruncatedError,
 )
 from meshtide_codec.mesh_files import save_mesh
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import pytest
 
 from command_runner import meshtide
-from meshtide_codec.testing import grid
 from meshtide_codec.command_line import exit_code
 from meshtide_codec.errors import (
     MeshError,
@@ -15,6 +14,7 @@ from meshtide_codec.errors import (
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.stream.container import read_container
+from meshtide_codec.testing import grid
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import pytest
 
 from command_runner import meshtide
-from meshtide_codec.testing import grid
 from meshtide_codec.command_line import ExitCode, exit_code
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.encoder import encode as encode_mesh
@@ -18,6 +17,7 @@ from meshtide_codec.errors import (
     VersionError,
 )
 from meshtide_codec.stream.container import write_container
+from meshtide_codec.testing import grid
 from streams import MadeUpStream
 
 if TYPE_CHECKING:

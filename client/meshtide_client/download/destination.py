@@ -16,8 +16,8 @@ from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files.write import format_of
 from meshtide_codec.output_files import is_written_in_place
 from meshtide_codec.output_policy import check_apart, output_file, output_folder
+from meshtide_codec.packets import MAGIC
 from meshtide_codec.printable import shown
-from meshtide_codec.stream.container import MAGIC
 
 if TYPE_CHECKING:
     from collections.abc import Callable

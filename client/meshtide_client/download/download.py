@@ -22,6 +22,7 @@ from meshtide_client.download.packet_filter import DirectReceiver
 from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import ContainerError, TransferError
 from meshtide_codec.limits import Limits
+from meshtide_codec.packets import LARGEST_LEVEL
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 from meshtide_codec.stream.plain_values import LARGEST_INTEGER
 from meshtide_codec.stream.session import HeaderEvent, PacketEvent, Until
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from meshtide_client.connection.tide_address import Address
     from meshtide_client.download.holding import Holding
     from meshtide_client.download.packet_filter import FilterReport, PacketFilter, Receiver
+    from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import LevelEntry, StreamHeader
     from meshtide_codec.stream.session import Event
 

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, BinaryIO
 from meshtide_client.download.holding import Holding
 from meshtide_codec.errors import OptionError, StreamError, TransferError, TruncatedError
 from meshtide_codec.output_policy import REMEDY
+from meshtide_codec.packets import MAGIC
 from meshtide_codec.printable import shown
-from meshtide_codec.stream.container import MAGIC, ContainerReader, preamble
+from meshtide_codec.stream.container import ContainerReader, preamble
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -12,8 +12,8 @@ from meshtide_codec.shared_options import JsonOption, MaxFacesOption, MaxVertice
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.packets import Packet
+    from meshtide_codec.stream.header import StreamHeader
 
 
 def info(
@@ -53,8 +53,8 @@ def info(
 def _difference_statistics(header: StreamHeader, packets: Sequence[Packet]) -> list[dict[str, Any]]:
     from dataclasses import asdict
 
-    from meshtide_codec.report.difference_statistics import difference_statistics
     from meshtide_codec.command_line import progress_bar
+    from meshtide_codec.report.difference_statistics import difference_statistics
 
     with progress_bar("statistics"):
         return [asdict(row) for row in difference_statistics(header, packets)]

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from meshtide_codec.errors import StreamError
     from meshtide_codec.limits import Limits
-    from meshtide_codec.stream.header import StreamHeader
     from meshtide_codec.packets import Packet
+    from meshtide_codec.stream.header import StreamHeader
 
 StreamArgument = Annotated[
     Path, typer.Argument(help="A .tide file, whole or cut short; - reads standard input.", parser=named_path)

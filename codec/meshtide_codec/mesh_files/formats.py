@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
 
-from meshtide_codec.stream.container import MAGIC
+from meshtide_codec.packets import MAGIC
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

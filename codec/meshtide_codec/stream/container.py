@@ -24,13 +24,12 @@ from typing import TYPE_CHECKING
 from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import ContainerError, LimitError, PacketError, StreamError, TruncatedError
 from meshtide_codec.limits import Limits
-from meshtide_codec.packets import Packet
+from meshtide_codec.packets import MAGIC, Packet
 from meshtide_codec.stream.header import FORMAT_VERSION, StreamHeader, check_version
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-MAGIC = b"\x89TIDE\r\n\x1a"  # like PNG's: not text, and damaged by every transfer that converts line ends
 _PREAMBLE = struct.Struct("<8sHII")
 PREAMBLE_BYTES = _PREAMBLE.size
 
