@@ -150,7 +150,8 @@ def _unit_exponent(points: Points) -> int:
 
 
 def _scaled(points: Points, exponent: int) -> Points:
-    return points if exponent == 0 else np.ldexp(points, exponent)
+    scaled: Points = points if exponent == 0 else np.ldexp(points, exponent)
+    return scaled
 
 
 def _room(count: int) -> SurfacePoints:

@@ -16,9 +16,8 @@ from meshtide_codec.errors import (
     VersionError,
 )
 from meshtide_codec.limits import Limits
-from meshtide_codec.packets import Packet
+from meshtide_codec.packets import MAGIC, Packet
 from meshtide_codec.stream.container import (
-    MAGIC,
     PREAMBLE_BYTES,
     ContainerReader,
     check_packet,

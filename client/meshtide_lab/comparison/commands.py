@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from meshtide_codec.printable import encodable, printable, shown
-from meshtide_codec.shared_options import JsonOption, OverwriteOption
+from meshtide_codec.shared_options import JsonOption, OverwriteOption, bits_option, effort_option, profile_option
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -23,22 +23,20 @@ def register(app: typer.Typer) -> None:
 
 def compare(
     meshes: Annotated[list[Path], typer.Argument(help="Mesh files, or folders of them.")],
-    bits: Annotated[
-        list[int] | None,
-        typer.Option("-B", "--bits", help="Bits per coordinate; may be repeated.", show_default="12"),
-    ] = None,
-    profile: Annotated[str, typer.Option(help="compact or classic.")] = "compact",
-    effort: Annotated[str | None, typer.Option(help="compact: default or high.", show_default=False)] = None,
+    bits: Annotated[list[int] | None, bits_option("12")] = None,
+    profile: Annotated[str, profile_option()] = "compact",
+    effort: Annotated[str | None, effort_option()] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for CSV and JSON files and a plot of each mesh.")
+        Path | None, typer.Option("-o", "--output", help="Folder for CSV and JSON files, and a plot of each mesh.")
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare meshtide with Draco, and with the ladder of simplified Draco files that shows a mesh coarse to fine.
+    """Compare meshtide with Draco, and with a series of simplified Draco files that show a mesh coarse to fine.
 
-    Whole files are compared without previews, which no other file has; what previews add is told beside it. Distances
-    are from the quantized input, and the bytes for one are those of the first state within it: nothing is interpolated.
+    Whole files are compared without previews, which Draco does not have; what previews add is listed separately.
+    Distances are measured from the quantized input. The bytes for a distance are those of the first state within it;
+    nothing is interpolated. Repeat --bits to compare several.
 
     Example: meshtide compare scans/ --bits 10 --bits 12 --bits 14 --output comparison
     """

@@ -8,7 +8,14 @@ from typing import Annotated
 import typer
 
 from meshtide_codec.commands.stream_input import StreamArgument
-from meshtide_codec.shared_options import JsonOption, MaxFacesOption, MaxVerticesOption, OverwriteOption, named_path
+from meshtide_codec.shared_options import (
+    JsonOption,
+    MaxFacesOption,
+    MaxVerticesOption,
+    MeshFormatOption,
+    OverwriteOption,
+    named_path,
+)
 
 
 def decode(
@@ -18,17 +25,15 @@ def decode(
         typer.Option(
             "-o",
             "--output",
-            help="Default: the stream's name with .decoded.ply; - is standard output.",
+            help="File to write; by default the stream's name with .decoded.ply; - writes standard output.",
             parser=named_path,
         ),
     ] = None,
-    kind: Annotated[
-        str | None, typer.Option("--format", help="Of the mesh file, such as obj; default: as its name ends, or ply.")
-    ] = None,
+    kind: MeshFormatOption = None,
     level: Annotated[int, typer.Option(help="Level to decode; 0 is the finest.")] = 0,
-    partial: Annotated[bool, typer.Option(help="Take what a cut-off or damaged file still holds.")] = False,
+    partial: Annotated[bool, typer.Option(help="Decode what is left of a damaged or cut-off file.")] = False,
     input_order: Annotated[
-        bool, typer.Option(help="Level 0 with vertices and faces as the input had them; needs --store-order.")
+        bool, typer.Option(help="Restore the input's order of vertices and faces; needs encode --store-order.")
     ] = False,
     overwrite: OverwriteOption = False,
     max_vertices: MaxVerticesOption = None,
@@ -37,7 +42,7 @@ def decode(
 ) -> None:
     """Decode a .tide stream into a mesh file.
 
-    The mesh that was encoded is never replaced: bunny.tide becomes bunny.decoded.ply unless another name is given.
+    The mesh that was encoded is not replaced: bunny.tide becomes bunny.decoded.ply unless you give another name.
 
     Example: meshtide decode bunny.tide -o bunny-coarse.ply --level 2
     """

@@ -7,14 +7,24 @@ from typing import Annotated
 
 import typer
 
-from meshtide_codec.shared_options import JsonOption, OverwriteOption, named_path
+from meshtide_codec.shared_options import (
+    JsonOption,
+    OverwriteOption,
+    bits_option,
+    coarsest_vertices_option,
+    drop_bits_option,
+    effort_option,
+    minimum_ratio_option,
+    named_path,
+    profile_option,
+)
 
 
 def encode(
     mesh: Annotated[
         Path,
         typer.Argument(
-            help="Mesh file: PLY, OBJ, OFF, STL, GLB, ..., packed by gzip or not; - reads a pipe.", parser=named_path
+            help="Mesh file: PLY, OBJ, OFF, STL, GLB, ..., gzipped or not; - reads standard input.", parser=named_path
         ),
     ],
     output: Annotated[
@@ -22,84 +32,75 @@ def encode(
         typer.Option(
             "-o",
             "--output",
-            help="Default: the mesh's name with .tide; - is standard output.",
+            help="File to write; by default the mesh's name with .tide; - writes standard output.",
             parser=named_path,
         ),
     ] = None,
-    profile: Annotated[
-        str, typer.Option(help="compact (small) or classic (the paper's codec, for study).")
-    ] = "compact",
-    bits: Annotated[
-        int | None,
-        typer.Option(
-            "-B", "--bits", help="Quantization bits per coordinate, 4 to 20; by default 12.", show_default=False
-        ),
-    ] = None,
+    profile: Annotated[str, profile_option()] = "compact",
+    bits: Annotated[int | None, bits_option("12")] = None,
     origin: Annotated[
-        str | None, typer.Option(help="Where the grid begins, as X,Y,Z: by default at the mesh's smallest coordinates.")
+        str | None,
+        typer.Option(help="Corner of the grid, as X,Y,Z; by default the mesh's smallest coordinates."),
     ] = None,
     extent: Annotated[
         float | None,
-        typer.Option(help="Length of the grid's side; tiles of the same grid agree on their border."),
+        typer.Option(help="Side of the grid; tiles encoded on the same grid match along their borders."),
     ] = None,
     step: Annotated[
         float | None,
-        typer.Option(help="Spacing of the grid in the mesh's unit; it decides about B."),
+        typer.Option(help="Spacing of the grid, in the mesh's unit; used in place of -B."),
     ] = None,
     strict: Annotated[
-        bool, typer.Option(help="Refuse a mesh of which quantization merges more than 0.1 % of the faces or the area.")
+        bool, typer.Option(help="Refuse a mesh if quantization merges more than 0.1 % of its faces or area.")
     ] = False,
     previews: Annotated[
         str | None,
         typer.Option(
-            help="compact: ratios of the previews, such as 512,64; or none; by default chosen by distance.",
-            show_default=False,
+            help="compact: Ratios of the previews, such as 512,64; or none.", show_default="chosen by distance"
         ),
     ] = None,
     slices: Annotated[
         int | None,
-        typer.Option(help="compact: into how many parts the Diffs are cut; by default 1, and more for large meshes."),
+        typer.Option(help="compact: Number of parts that Diffs are cut into.", show_default="1, more for large meshes"),
     ] = None,
-    effort: Annotated[
-        str | None,
-        typer.Option(help="compact: default, or high: smaller, and slower to write and to read.", show_default=False),
-    ] = None,
-    drop_bits: Annotated[
-        int | None, typer.Option("-K", "--drop-bits", help="classic: bits per coordinate that a level drops.")
-    ] = None,
-    minimum_ratio: Annotated[float | None, typer.Option(help="classic: skip levels that collapse less.")] = None,
-    coarsest_vertices: Annotated[int | None, typer.Option(help="classic: stop at a level so small.")] = None,
+    effort: Annotated[str | None, effort_option()] = None,
+    drop_bits: Annotated[int | None, drop_bits_option("classic: ")] = None,
+    minimum_ratio: Annotated[float | None, minimum_ratio_option("classic: ")] = None,
+    coarsest_vertices: Annotated[int | None, coarsest_vertices_option("classic: ")] = None,
     filter_kind: Annotated[
         str | None, typer.Option("--filter", help="classic: zeroth, gaussian, taubin, polynomial or rational.")
     ] = None,
-    degree: Annotated[int | None, typer.Option(help="classic: degree of a polynomial filter.")] = None,
+    degree: Annotated[int | None, typer.Option(help="classic: Degree of the polynomial filter.")] = None,
     basis: Annotated[str | None, typer.Option(help="classic: power or chebyshev.")] = None,
-    norm: Annotated[float | None, typer.Option(help="classic: p of the norm that is minimised, 1 to 2 or inf.")] = None,
+    norm: Annotated[
+        float | None, typer.Option(help="classic: p of the norm that fitted filters minimise: 1 to 2, or inf.")
+    ] = None,
     variable_from: Annotated[
-        int | None, typer.Option("-S", help="classic: levels S-1 to 1 send no Diff; a large S is single resolution.")
+        int | None,
+        typer.Option("-S", help="classic: Send no Diffs for levels 1 to S-1; a large S means single resolution."),
     ] = None,
     diff_levels: Annotated[
-        str | None, typer.Option(help="classic: the very levels whose Diffs are sent, such as 0,2,3.")
+        str | None, typer.Option(help="classic: Send Diffs for exactly these levels, such as 0,2,3.")
     ] = None,
     mesh_format: Annotated[
-        str | None, typer.Option("--format", help="What the file is, such as ply, whatever its name tells.")
+        str | None, typer.Option("--format", help="Format of the input, such as ply, in place of what its name says.")
     ] = None,
     keep_unreferenced: Annotated[bool, typer.Option(help="Keep vertices that no face uses.")] = False,
     store_order: Annotated[
-        bool, typer.Option(help="Keep all vertices, and store the order of vertices and faces, to restore it.")
+        bool, typer.Option(help="Keep all vertices, and store the input's order of vertices and faces.")
     ] = False,
     report_to: Annotated[
         Path | None,
         typer.Option(
             "--report",
-            help="Bytes by layer, and distances: a folder, .png or .html file; - prints only.",
+            help="Report bytes by layer and distances: a folder, or a .png or .html file; - only prints.",
             parser=named_path,
         ),
     ] = None,
     threads: Annotated[
         int | None,
         typer.Option(
-            help="How many work at once; without it one fewer than there are processors. Bytes stay the same."
+            help="Number of threads; the bytes do not depend on it.", show_default="one fewer than processors"
         ),
     ] = None,
     overwrite: OverwriteOption = False,
@@ -107,8 +108,8 @@ def encode(
 ) -> None:
     """Encode a mesh file into a .tide stream.
 
-    Without -o, an earlier stream beside the mesh, of the same cube, is made anew. With -o, a stream is replaced that
-    decodes to the very same mesh. Any other file that is there is left alone without --overwrite.
+    Without -o, an earlier stream of the same mesh beside it is replaced. With -o, an existing stream is replaced only
+    if it decodes to the same mesh. Any other existing file is left alone, unless --overwrite is given.
 
     Example: meshtide encode bunny.obj -o bunny.tide
 

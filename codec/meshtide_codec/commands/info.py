@@ -18,12 +18,14 @@ if TYPE_CHECKING:
 
 def info(
     stream: StreamArgument,
-    statistics: Annotated[bool, typer.Option(help="Read the Diffs too: Shannon's bound, power law, l2 error.")] = False,
+    statistics: Annotated[
+        bool, typer.Option(help="Also decode the Diffs: Shannon's bound, power law, l2 error.")
+    ] = False,
     max_vertices: MaxVerticesOption = None,
     max_faces: MaxFacesOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Tell what a .tide stream holds: bytes by level and kind, bits per vertex, predictor.
+    """Show what a .tide stream contains: bytes by level and kind, bits per vertex, predictor.
 
     Example: meshtide info bunny.tide --json
     """

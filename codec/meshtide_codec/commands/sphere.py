@@ -8,7 +8,7 @@ from meshtide_codec.shared_options import JsonOption
 
 
 def sphere(as_json: JsonOption = False) -> None:
-    """Print the rates of the paper's sphere, filter by filter, beside the published ones.
+    """Print the rates of the paper's sphere, filter by filter, next to the published ones.
 
     Example: meshtide sphere
     """
