@@ -112,9 +112,11 @@ def run(app: typer.Typer) -> NoReturn:
 
 
 def _comes_of_an_interruption(error: BaseException | None) -> bool:
-    while error is not None:
+    seen: set[int] = set()  # some libraries tie such chains into circles
+    while error is not None and id(error) not in seen:
         if isinstance(error, KeyboardInterrupt):
             return True
+        seen.add(id(error))
         error = error.__cause__ or error.__context__
     return False
 

@@ -107,6 +107,14 @@ def test_an_interruption_that_a_library_makes_another_error_of_is_one(capsys: py
     assert capsys.readouterr().err == "meshtide: interrupted\n"
 
 
+def test_errors_that_are_each_others_context_end_too() -> None:
+    first, second = TransferError("first"), TransferError("second")
+    first.__cause__, second.__cause__ = second, first
+    with pytest.raises(SystemExit) as ending:
+        run_as(first)
+    assert ending.value.code == ExitCode.NETWORK
+
+
 def test_unforeseen_errors_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["meshtide"])
     with pytest.raises(ZeroDivisionError):
