@@ -83,8 +83,8 @@ def test_contents_that_could_be_several_things_are_left_to_their_readers() -> No
     ("name", "message"),
     [
         ("a.xyzzy", r"nothing is known about files named \*\.xyzzy; obj, ply, off, stl, glb, gltf can be read, and"),
-        ("a", "its name does not tell the format; --format names it"),
-        ("a.gz", "its name does not tell the format"),
+        ("a", "its name does not show the format; --format names it"),
+        ("a.gz", "its name does not show the format"),
     ],
 )
 def test_formats_that_are_not_known(tmp_path: Path, name: str, message: str) -> None:
