@@ -67,7 +67,8 @@ class Box:
     def reaches(self, points: Points) -> Points:
         """(k,), how far each of some points (k, 3) is from the centre, in sides; in units where there is no side."""
         with np.errstate(over="ignore"):
-            return np.abs(points / 2 - self.half_centre).max(axis=1, initial=0.0) / (self.half_side or 0.5)
+            farthest: Points = np.abs(points / 2 - self.half_centre).max(axis=1, initial=0.0)
+            return farthest / (self.half_side or 0.5)
 
 
 class TriangleTree:
