@@ -22,8 +22,8 @@ from typing import Any
 
 import typer
 
+from meshtide_client.commands.application import build
 from meshtide_client.commands.deferred import deferred
-from meshtide_client.main import build
 from meshtide_codec.command_line import ExitCode, run
 
 FOLDER = Path(__file__).parents[1] / "tests" / "end_to_end" / "surface"
@@ -44,9 +44,12 @@ encode good.off -o missing/good.tide
 encode good.off -o notes.txt
 encode good.off
 encode good.off --overwrite
+encode good.tide
+encode empty.off
 decode missing.tide
 decode damaged.tide
 decode good.tide -o good.doc
+decode good.tide --format doc
 decode good.tide -o decoded.off
 decode good.tide -o decoded.off
 decode good.tide --level 99 -o other.off
@@ -95,6 +98,7 @@ fetch {NOBODY}/meshes/patch --timeout 0
 fetch {NOBODY}/meshes/patch --until-level -1
 fetch good.tide -o fetched.off
 fetch damaged.tide -o damaged.off
+fetch good.tide -o fetched.off --until-level 99 --overwrite
 meshes
 meshes {NOBODY}
 meshes localhost
@@ -204,6 +208,7 @@ async def _prepare(folder: Path) -> None:
     from meshtide_server.store import open_store  # noqa: PLC0415 - slow, and only for this
 
     (folder / "good.off").write_text(OFF)
+    (folder / "empty.off").touch()
     (folder / "bad.off").write_text("OFF 3 1 0\n0 0 0\n")
     (folder / "notes.txt").write_text("Not one of meshtide's files.\n")
     (folder / "damaged.tide").write_bytes(b"TIDE of nothing")

@@ -1,81 +1,51 @@
-"""The command `meshtide`: assembled from what each installed package registers, so that none imports another.
+"""The command `meshtide`: from the first moment on, Ctrl-C ends it in one line.
 
-Every entry point of the group ``meshtide.commands`` names a function that takes the application and adds commands.
+Only what the interpreter brings along is imported before Ctrl-C is listened to: half of a start is imports.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from importlib.metadata import entry_points, version
-from typing import Annotated, NoReturn
 
-import typer
-
-from meshtide_client.commands.deferred import deferred
-from meshtide_codec.command_line import ExitCode, run
-
-_GROUP = "meshtide.commands"
 _S3_LIBRARY = "obstore"
-_ORDER = ("codec", "comparison", "server", "client", "paper", "simulation")
-
-
-def build() -> typer.Typer:
-    """The application with all its commands."""
-    app = typer.Typer(
-        name="meshtide",
-        help="Progressive transmission of 3D meshes: encode them, serve them, and fetch them level by level.",
-        epilog="Start with: meshtide demo",
-        no_args_is_help=True,
-        pretty_exceptions_enable=False,
-    )
-    app.callback()(_options)
-    found = sorted(entry_points(group=_GROUP), key=lambda point: (point.name not in _ORDER, _place(point.name)))
-    for point in found:
-        point.load()(app)
-    return app
 
 
 def main() -> None:
     """Run the command; exits with one of `meshtide_codec.command_line.ExitCode`."""
+    listener = signal.getsignal(signal.SIGINT)
+    if listener is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave_quietly)
+    from meshtide_client.commands.application import build  # noqa: PLC0415 - see above
+    from meshtide_client.commands.deferred import deferred  # noqa: PLC0415 - the same
+    from meshtide_codec.command_line import run  # noqa: PLC0415 - the same
+
+    application = deferred(build())
+    signal.signal(signal.SIGINT, listener)
     try:
-        app = build()
-    except KeyboardInterrupt:
-        sys.exit(ExitCode.INTERRUPTED)
-    try:
-        run(deferred(app))
+        run(application)
     except SystemExit as ending:
         if _S3_LIBRARY in sys.modules:
             _leave_at_once(ending.code)
         raise
 
 
-def _leave_at_once(code: str | int | None) -> NoReturn:
+def _leave_quietly(number: int, _frame: object) -> None:
+    """End the process while it is being put together: nothing has been begun that would have to be undone."""
+    sys.stderr.write("meshtide: interrupted\n")
+    sys.stderr.flush()
+    os._exit(128 + number)
+
+
+def _leave_at_once(code: str | int | None) -> None:
     """End the process without taking the interpreter apart.
 
     The threads of the library for S3 may ask for the interpreter while it ends, which aborts the process now and then.
     Files are closed by then, and standard output is written (`command_line.run`).
     """
     sys.stderr.flush()
-    os._exit(code if isinstance(code, int) else ExitCode.OK if code is None else ExitCode.FAILURE)
-
-
-def _place(name: str) -> tuple[int, str]:
-    return (_ORDER.index(name), name) if name in _ORDER else (len(_ORDER), name)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"meshtide {version('meshtide')}")
-        raise typer.Exit
-
-
-def _options(
-    show_version: Annotated[
-        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
-    ] = False,
-) -> None:
-    """Progressive transmission of 3D meshes: encode them, serve them, and fetch them level by level."""
+    os._exit(code if isinstance(code, int) else 0 if code is None else 1)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from typing import TYPE_CHECKING, NoReturn
 
@@ -19,6 +19,7 @@ from meshtide_codec.errors import (
     TransferError,
 )
 from meshtide_codec.printable import printable
+from meshtide_codec.termination import terminable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -37,11 +38,20 @@ class ExitCode(IntEnum):
     BAD_STREAM = 4
     NETWORK = 5
     DISK = 6
+    HUNG_UP = 129
     INTERRUPTED = 130
+    TERMINATED = 143
 
 
 LONGEST_EXPLANATION = 4000
 """Characters of an error that are printed: some name every file of a folder."""
+
+_OF_SIGNALS = {
+    ExitCode.HUNG_UP: "ended, because its terminal was closed (SIGHUP)",
+    ExitCode.INTERRUPTED: "interrupted",
+    ExitCode.TERMINATED: "ended by SIGTERM",
+}
+"""What is told of a command that a signal has ended."""
 
 _CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
     (OptionError, ExitCode.USAGE),
@@ -82,19 +92,38 @@ def _file_name(name: object) -> str:
 def run(app: typer.Typer) -> NoReturn:
     """Run the command and exit; foreseen errors become one line on standard error, others keep their traceback."""
     try:
-        app(standalone_mode=True)
-    except (MeshtideError, OSError) as error:
-        _end_with(error)
+        with terminable():
+            app(standalone_mode=True)
     except KeyboardInterrupt:  # before typer listens for it
-        _complain("meshtide: interrupted")
-        _end(ExitCode.INTERRUPTED)
+        _end_by_signal(ExitCode.INTERRUPTED)
     except SystemExit as ending:
         if isinstance(ending.__context__, BrokenPipeError):  # typer and rich make it a silent exit with code 1
             _end_with(ending.__context__)
-        if ending.code == ExitCode.INTERRUPTED:  # typer turns Ctrl-C into a silent exit with this code
-            _complain("meshtide: interrupted")
+        if ending.code in _OF_SIGNALS:  # typer turns Ctrl-C into a silent exit with such a code
+            _end_by_signal(ExitCode(ending.code))
         _end(ending.code)
+    except Exception as error:
+        if _comes_of_an_interruption(error):  # while a library was loaded, which makes another error of it
+            _end_by_signal(ExitCode.INTERRUPTED)
+        if not isinstance(error, (MeshtideError, OSError)):
+            raise
+        _end_with(error)
     _end(ExitCode.OK)
+
+
+def _comes_of_an_interruption(error: BaseException | None) -> bool:
+    seen: set[int] = set()  # some libraries tie such chains into circles
+    while error is not None and id(error) not in seen:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        seen.add(id(error))
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _end_by_signal(code: ExitCode) -> NoReturn:
+    _complain(f"meshtide: {_OF_SIGNALS[code]}")
+    _end(code)
 
 
 def _end_with(error: MeshtideError | OSError) -> NoReturn:
@@ -115,7 +144,8 @@ def _end(code: int | str | None) -> NoReturn:
 
 
 def _complain(line: str) -> None:
-    sys.stderr.write(f"{printable(line, LONGEST_EXPLANATION)}\n")
+    with suppress(OSError):  # the terminal may be gone
+        sys.stderr.write(f"{printable(line, LONGEST_EXPLANATION)}\n")
 
 
 def wide_console(*, stderr: bool = False) -> Console:

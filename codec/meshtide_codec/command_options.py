@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 PROFILES = ("compact", "classic")
 FILTER_FIELDS = {"filter": "kind", "degree": "degree", "basis": "basis", "norm": "norm"}
 
+_OWN_NAMES = {"variable_from": "-S", "sent_levels": "--diff-levels"}
+"""Options whose names on the command line are not those of their fields."""
+
 
 def profile_options(
     profile: str, bits: int, compact: Mapping[str, Any], classic: Mapping[str, Any]
@@ -35,12 +38,13 @@ def profile_options(
     4
     """
     if profile not in PROFILES:
-        raise OptionError(f"profile {profile!r} is not one of {', '.join(PROFILES)}")
+        raise OptionError(f"--profile is {' or '.join(PROFILES)}, not {profile!r}")
     chosen, other = (compact, classic) if profile == "compact" else (classic, compact)
-    foreign = [name for name, value in other.items() if value is not None]
+    foreign = [option_name(name) for name, value in other.items() if value is not None]
     if foreign:
         wanted = PROFILES[1 - PROFILES.index(profile)]
-        raise OptionError(f"{', '.join(foreign)}: not of profile {profile}; add --profile {wanted}")
+        verb = "belongs" if len(foreign) == 1 else "belong"
+        raise OptionError(f"{' and '.join(foreign)} {verb} to profile {wanted}; add --profile {wanted}")
     given = {name: value for name, value in chosen.items() if value is not None}
     if profile == "compact":
         if "previews" in given:
@@ -50,6 +54,15 @@ def profile_options(
     if "sent_levels" in given:
         given["sent_levels"] = frozenset(number_list(given["sent_levels"]))
     return ClassicOptions(bits=bits, filter=FilterSpec(**spec), **given)
+
+
+def option_name(name: str) -> str:
+    """How an option of a profile is written on the command line.
+
+    >>> option_name("degree"), option_name("variable_from"), option_name("coarsest_vertices")
+    ('--degree', '-S', '--coarsest-vertices')
+    """
+    return _OWN_NAMES.get(name, f"--{name.replace('_', '-')}")
 
 
 def chosen_grid(origin: str | None, extent: float | None, step: float | None, bits: int | None) -> Grid | None:
@@ -68,7 +81,7 @@ def chosen_grid(origin: str | None, extent: float | None, step: float | None, bi
     try:
         x, y, z = (None, None, None) if origin is None else (float(part) for part in origin.split(","))
     except ValueError as error:
-        raise OptionError(f"an origin is written like 0,0,-1.5, not {origin!r}") from error
+        raise OptionError(f"--origin is written like 0,0,-1.5, not {origin!r}") from error
     place = None if x is None or y is None or z is None else (x, y, z)
     return Grid(place, extent, step)
 

@@ -17,22 +17,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec import core
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import LimitError, PacketError
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.order import Order, read_order
-from meshtide_codec.packets import PacketKind
+from meshtide_codec.packets import Packet, PacketKind
 from meshtide_codec.quantize import dequantize
 from meshtide_codec.stream.container import read_container
-from meshtide_codec.stream.header import parsed
+from meshtide_codec.stream.header import StreamHeader, parsed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
-
-    from meshtide_codec.packets import Packet
-    from meshtide_codec.stream.header import StreamHeader
 
 
 LARGEST_DIFF = float(1 << 40)
@@ -65,6 +63,7 @@ class Decoder:
             Diffs: then they are not available any more.
 
     Raises:
+        TypeError: it is no header.
         ContainerError: a header that makes no sense.
         LimitError: a level over the limits.
     """
@@ -77,6 +76,8 @@ class Decoder:
         *,
         only_finest: bool = False,
     ) -> None:
+        check_type("the header", header, StreamHeader, remedy="read_container returns it with the packets")
+        check_type("limits", limits, Limits, type(None))
         limits = limits or Limits()
         for row in header.levels:
             limits.check_mesh(row.vertices, row.faces, level=row.level)
@@ -102,9 +103,11 @@ class Decoder:
         """Take one packet; returns the levels that became available or better by it, coarse to fine.
 
         Raises:
+            TypeError: it is no packet.
             PacketError: the packet does not belong to this stream, came before, or is damaged; what was decoded
                 before stays usable.
         """
+        check_type("a packet", packet, Packet, remedy="ContainerReader.feed and read_container return packets")
         if packet.kind is PacketKind.ORDER:
             self._take_order(packet)
             return []
@@ -262,6 +265,7 @@ def decode(data: bytes | memoryview, level: int = 0, limits: Limits | None = Non
     >>> decode(encode(triangle).to_bytes())
     Mesh(3 vertices, 1 faces)
     """
+    check_type("the level", level, int)
     header, packets = read_container(data, limits)
     decoder = Decoder(header, limits, only_finest=True)
     if not 0 <= level <= header.levels[0].level:

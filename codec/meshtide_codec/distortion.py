@@ -8,12 +8,13 @@ simplified surfaces", Computer Graphics Forum 17 (1998), section 3. O((m + sampl
 
 from __future__ import annotations
 
+import sys
 from ctypes import byref, c_double
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from meshtide_codec import core
-from meshtide_codec.closest_points import lent_surface
+from meshtide_codec.closest_points import LARGEST_REACH, Box, lent_surface
 from meshtide_codec.errors import MeshError, OptionError
 
 if TYPE_CHECKING:
@@ -27,6 +28,12 @@ DEFAULT_VERTEX_LIMIT = 1 << 16
 """Vertices of each mesh that the maximum looks at: all of them in most meshes, and bounded time in huge ones."""
 
 DEFAULT_SEED = 1
+
+LARGEST_HALF_SIDE = sys.float_info.max / 4
+"""Of a box whose diagonal is finite."""
+
+SMALLEST_REACH = 2.0**-500
+"""Units that a mesh has to reach from an original without extent: squares of less are zero."""
 
 
 @dataclass(frozen=True)
@@ -85,15 +92,27 @@ class DistortionMeter:
             byref(self._meter.pointer),
             argument_error=MeshError,
         )
-        _, self._faces = original.kept  # which the core goes on reading
+        points, self._faces = original.kept  # the faces are what the core goes on reading
+        self._box = Box.around(points)
+        if self._box.half_side > LARGEST_HALF_SIDE:
+            raise MeshError("the mesh is too large to be measured: the diagonal of its box is no number")
 
     def measure(self, vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Distortion:
         """The distance of another mesh (n, 3), (m, 3) from the original.
 
         Raises:
-            MeshError: the arrays are not a mesh of finite vertices.
+            MeshError: the arrays are not a mesh of finite vertices, or one so much larger, or so far away, that its
+                distances are no numbers.
         """
         rms, maximum = c_double(), c_double()
         other = lent_surface(vertices, faces)
+        self._check_range(other.kept[0])
         core.call("mt_meter_measure", self._meter, byref(other), byref(rms), byref(maximum), argument_error=MeshError)
         return Distortion(rms.value, maximum.value)
+
+    def _check_range(self, points: NDArray[np.float64]) -> None:
+        """Raise unless squared distances are numbers, and not zero where distances are none."""
+        reach = float(self._box.reaches(points).max())
+        vanishes = self._box.half_side == 0.0 and 0.0 < reach < SMALLEST_REACH
+        if reach > LARGEST_REACH or vanishes:
+            raise MeshError(f"the meshes cannot be compared: one reaches {reach:.1e} times the size of the other")

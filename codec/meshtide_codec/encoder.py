@@ -10,10 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.compact.options import CompactOptions
 from meshtide_codec.distortion import DistortionMeter
 from meshtide_codec.errors import OptionError
+from meshtide_codec.grid import Grid
+from meshtide_codec.mesh import Mesh
 from meshtide_codec.order import Order, order_packet
+from meshtide_codec.profile import Profile
 from meshtide_codec.quantize import QuantizedMesh, quantize
 from meshtide_codec.stream.container import write_container
 from meshtide_codec.stream.distances import stored_distances
@@ -25,10 +29,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from meshtide_codec.grid import Grid
-    from meshtide_codec.mesh import Mesh
     from meshtide_codec.packets import Packet
-    from meshtide_codec.profile import Encoding, Profile
+    from meshtide_codec.profile import Encoding
     from meshtide_codec.shown_state import ShownState
 
 DISTANCE_SAMPLES = 4000
@@ -78,6 +80,7 @@ def encode(
         progress: is called with the name of a stage and the fraction of it that is done.
 
     Raises:
+        TypeError: one of them is of another type.
         MeshError, OptionError: the mesh or the options cannot be used.
 
     >>> from meshtide_codec.mesh import Mesh
@@ -86,6 +89,10 @@ def encode(
     >>> encoded.header.vertices, encoded.header.faces
     (3, 1)
     """
+    check_type("the mesh", mesh, Mesh, remedy="load_mesh reads one from a file, Mesh.checked makes one of arrays")
+    check_type("options", options, Profile, type(None))
+    check_type("the grid", grid, Grid, type(None))
+    check_type("the number of threads", threads, int, type(None))
     options = options or CompactOptions()
     if threads is not None and threads < 1:
         raise OptionError(f"there must be at least one thread, not {threads}")

@@ -7,6 +7,7 @@
     │   └── MeshFileError          a file cannot be read or written as a mesh
     ├── CoreError                  the compiled core is missing, older than its sources, or not for this machine
     ├── OptionError                an option is outside of its range (also a ValueError)
+    │   └── MissingLibraryError    what is asked for takes a library that is not installed
     ├── StreamError                bytes that are damaged, cut off, or not a meshtide stream
     │   ├── ContainerError         magic, version, header, packet table
     │   │   └── VersionError       the stream is of another format than this program's
@@ -23,6 +24,9 @@
 """
 
 from __future__ import annotations
+
+from copy import copy
+from typing import Self
 
 from meshtide_codec.printable import printable
 
@@ -48,6 +52,10 @@ class CoreError(MeshtideError):
 
 class OptionError(MeshtideError, ValueError):
     """An option is outside of its range."""
+
+
+class MissingLibraryError(OptionError):
+    """What is asked for takes a library that is not installed; the message tells how to install it."""
 
 
 class StreamError(MeshtideError):
@@ -78,6 +86,16 @@ class StreamError(MeshtideError):
         if offset is not None:
             places.append(f"byte {offset}")
         super().__init__(f"{', '.join(places)}: {message}" if places else message)
+
+    def within(self, file: str) -> Self:
+        """The same error, in a message that begins with the name of the file.
+
+        >>> str(PacketError("bad checksum", level=3).within("bunny.tide"))
+        'bunny.tide: level 3: bad checksum'
+        """
+        named = copy(self)
+        named.args = (f"{file}: {self}",)
+        return named
 
 
 class ContainerError(StreamError):

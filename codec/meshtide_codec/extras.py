@@ -1,30 +1,44 @@
-"""Libraries that only measurements need: loaded when they are used, and explained where they are missing."""
+"""Libraries that not everybody needs: loaded when they are used, and explained where they are missing."""
 
 from __future__ import annotations
 
 from importlib import import_module
 from typing import Any
 
-from meshtide_codec.errors import MeshtideError
+from meshtide_codec.errors import MissingLibraryError
 
 
 def extra(module: str, group: str = "bench") -> Any:  # noqa: ANN401 - a module of a library that need not be there
     """The module of that name, from the libraries of the extra `group`.
 
     Raises:
-        MeshtideError: it is not installed.
+        MissingLibraryError: it is not installed, or cannot be loaded.
 
-    >>> extra("a_library_that_is_missing.part")
+    >>> extra("a_library.part")
     Traceback (most recent call last):
-    meshtide_codec.errors.MeshtideError: this needs a_library_that_is_missing: pip install 'meshtide[bench]'
+    meshtide_codec.errors.MissingLibraryError: this needs a_library, which is not installed:
+    pip install 'meshtide[bench]'
     """
     try:
         return import_module(module)
-    except ModuleNotFoundError as error:
-        raise MeshtideError(f"this needs {module.partition('.')[0]}: pip install 'meshtide[{group}]'") from error
+    except ImportError as error:
+        raise missing_library(module.partition(".")[0], group, error) from error
 
 
 def check_extras(*modules: str, group: str = "bench") -> None:
-    """Raise MeshtideError unless all of these can be loaded: one wants to know before an hour's work, not after it."""
+    """Raise MissingLibraryError unless all of these can be loaded: to be told before an hour's work, not after it."""
     for module in modules:
         extra(module, group)
+
+
+def missing_library(name: str, group: str, reason: ImportError, what: str = "this") -> MissingLibraryError:
+    """The error that says what to install.
+
+    Args:
+        name: of the library.
+        group: the extra of meshtide that brings it.
+        reason: why it cannot be used.
+        what: what needs it.
+    """
+    told = "is not installed" if isinstance(reason, ModuleNotFoundError) else f"cannot be loaded ({reason})"
+    return MissingLibraryError(f"{what} needs {name}, which {told}: pip install 'meshtide[{group}]'")

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import MeshError
-from meshtide_codec.quantize import LARGEST_B, quantize
+from meshtide_codec.mesh import Mesh
+from meshtide_codec.quantize import LARGEST_B, QuantizedMesh, quantize
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from meshtide_codec.mesh import Mesh
-    from meshtide_codec.quantize import QuantizedMesh
 
 NOTICED = 1e-3
 """A loss of a smaller share of the faces or of the area is not reported."""
@@ -103,6 +103,8 @@ def merged_by_quantization(mesh: Mesh, quantized: QuantizedMesh) -> Merging:
     >>> merged_by_quantization(sheet, quantize(sheet, 8)).message()
     'all 2 faces vanish at B = 8; B = 16 keeps them'
     """
+    check_type("the mesh", mesh, Mesh)
+    check_type("the quantized mesh", quantized, QuantizedMesh, remedy="EncodedMesh.quantized is one")
     if quantized.dropped_faces == 0:
         return Merging(quantized.bits, 0, len(mesh.faces), 0.0, 0, len(quantized.positions))
     places = _places(mesh, quantized)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshtide_codec import core
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.limits import Limits
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.packets import Packet, PacketKind
@@ -87,6 +88,8 @@ def in_input_order(mesh: Mesh, order: Order) -> Mesh:
     >>> restored.vertices[:, 0].tolist(), restored.faces.tolist()
     ([1.0, 0.0, 0.0, 1.0], [[1, 3, 2]])
     """
+    check_type("the mesh", mesh, Mesh)
+    check_type("the order", order, Order, remedy="Decoder.order tells it of streams that store it")
     return Mesh(mesh.vertices[order.vertices], order.faces)
 
 

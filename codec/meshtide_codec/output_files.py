@@ -15,19 +15,20 @@ import signal
 import stat
 import sys
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from meshtide_codec.termination import ENDING_SIGNALS
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from types import FrameType
 
 STANDARD_OUTPUT = "-"
 _DESCRIPTORS = re.compile(r"/dev/fd|/proc/(\d+)/(?:task/\d+/)?fd")
 _MOST_LINKS = 40
 """Symbolic links that are followed on the way to a descriptor, as many as Linux follows."""
-_ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 _unfinished: set[str] = set()
 
 
@@ -58,15 +59,57 @@ def write_atomically(path: Path, data: bytes, *, replace: bool = True) -> None:
         FileExistsError: it is there and may not be replaced.
         OSError: it cannot be written; nothing is left behind.
     """
-    try:
+    with _naming(path):
         descriptor = _opened_in_place(path)
         if descriptor is None:
-            _write_beside(Path(os.path.realpath(path)), data, replace=replace)
+            real = Path(os.path.realpath(path))
+            with _finished(real, data, replace=replace) as finished:
+                _place(finished, real, replace=replace)
         else:
             with os.fdopen(descriptor, "wb") as file:
                 file.write(data)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def write_together(files: Iterable[tuple[Path, bytes]], *, replace: bool = True) -> None:
+    """Write several files, each as `write_atomically` does; none gets its name before all of them are complete.
+
+    Raises:
+        FileExistsError: one is there and may not be replaced.
+        OSError: one cannot be written; nothing is left behind.
+    """
+    with ExitStack() as stack:
+        complete = []
+        in_place = []
+        for path, data in files:
+            with _naming(path):
+                if is_written_in_place(path):
+                    in_place.append((path, data))
+                else:
+                    real = Path(os.path.realpath(path))
+                    complete.append((path, real, stack.enter_context(_finished(real, data, replace=replace))))
+        for path, real, finished in complete:
+            with _naming(path):
+                _place(finished, real, replace=replace)
+        for path, data in in_place:
+            write_atomically(path, data)
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Make a folder for the block; if the block fails, those that were made and are empty are removed again.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        for each in missing:
+            with suppress(OSError):
+                each.rmdir()
+        raise
 
 
 def move_into_place(finished: Path, path: Path, *, replace: bool = True) -> None:
@@ -76,10 +119,8 @@ def move_into_place(finished: Path, path: Path, *, replace: bool = True) -> None
         FileExistsError: there is one of that name, and it may not be replaced.
         OSError: it cannot be moved.
     """
-    try:
+    with _naming(path):
         _place(finished, Path(os.path.realpath(path)), replace=replace)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
 def is_standard_output(path: Path | str) -> bool:
@@ -110,7 +151,7 @@ def orderly_termination() -> Iterator[None]:
     """
     taken = []
     if threading.current_thread() is threading.main_thread():
-        taken = [number for number in _ENDING if signal.getsignal(number) is signal.SIG_DFL]
+        taken = [number for number in ENDING_SIGNALS if signal.getsignal(number) is signal.SIG_DFL]
     for number in taken:
         signal.signal(number, _end)
     try:
@@ -126,6 +167,15 @@ def _end(number: int, _frame: FrameType | None) -> None:
             Path(name).unlink()
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Every error of the block names the file as the user did."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
 def _opened_in_place(path: Path) -> int | None:
@@ -154,7 +204,9 @@ def _descriptor(path: Path) -> int | None:
     return None
 
 
-def _write_beside(real: Path, data: bytes, *, replace: bool) -> None:
+@contextmanager
+def _finished(real: Path, data: bytes, *, replace: bool) -> Iterator[Path]:
+    """A complete file beside its place, for the block to move there; what the block leaves is removed."""
     existing = real.stat() if real.exists() else None
     if existing is not None:
         if stat.S_ISDIR(existing.st_mode):
@@ -168,12 +220,10 @@ def _write_beside(real: Path, data: bytes, *, replace: bool) -> None:
         _unfinished.add(str(unfinished))
         try:
             _write_new(unfinished, data, existing)
-            _place(unfinished, real, replace=replace)
-        except BaseException:
+            yield unfinished
+        finally:
             with suppress(OSError):
                 unfinished.unlink()
-            raise
-        finally:
             _unfinished.discard(str(unfinished))
 
 

@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshtide_codec.errors import MeshError, OptionError, StreamError
+from meshtide_codec.errors import MeshError, MeshFileError, OptionError, StreamError
 from meshtide_codec.file_suffix import split_name
 from meshtide_codec.mesh_files import is_mesh_path
 from meshtide_codec.output_files import STANDARD_OUTPUT
 from meshtide_codec.output_policy import REMEDY, output_file
+from meshtide_codec.packets import MAGIC
 from meshtide_codec.printable import shown
 from meshtide_codec.quantize import quantize
-from meshtide_codec.stream.container import MAGIC, ContainerReader
+from meshtide_codec.stream.container import ContainerReader
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -77,10 +78,16 @@ def stream_target(mesh: Path, output: Path | None, *, overwrite: bool) -> Output
     """Where the stream of a mesh file may be written, before the mesh is read; see `check_same_mesh`.
 
     Raises:
+        MeshFileError: the file is a stream itself.
         OptionError: something is there that is not to be replaced, or not surely made of this file.
         OSError: nothing can be written there.
     """
     path = output or default_stream(mesh)
+    if str(mesh) != STANDARD_OUTPUT and _is_stream(mesh):
+        raise MeshFileError(
+            f"{shown(mesh)} is a .tide stream, so it is encoded already; meshtide decode makes a mesh of it, and "
+            "meshtide info tells what it holds"
+        )
     target = output_file(path, [mesh], overwrite=overwrite, own=_is_stream, standard_output=True)
     if output is None and target.replaces and not overwrite and (others := _rivals(mesh)):
         raise OptionError(f"{shown(path)} is there already, and {shown(mesh)} and {others[0]} both become it; {REMEDY}")

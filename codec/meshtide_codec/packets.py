@@ -10,6 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+MAGIC = b"\x89TIDE\r\n\x1a"  # like PNG's: not text, and damaged by every transfer that converts line ends
+"""The first bytes of a file of packets."""
+
 LARGEST_LEVEL = 63
 
 

@@ -6,7 +6,7 @@ core.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from meshtide_codec.shown_state import ShownState
 
 
+@runtime_checkable
 class Profile(Protocol):
     """A way to code the levels of a mesh, with what a person has chosen of it: a frozen dataclass."""
 

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from meshtide_codec.shared_options import JsonOption
+
 
 def register(app: typer.Typer) -> None:
     """Add this package's commands to `app`."""
@@ -29,10 +31,10 @@ class _Serve:
     upload_stall_timeout, max_vertices, max_faces, max_decode_memory, job_processes, job_seconds, job_processor_seconds,
     job_lost_seconds, job_memory, shutdown_timeout, max_message, max_request_line, max_head, max_headers,
     frames_per_second, control_frames_per_second. For environment and file only, as secrets: database, write_tokens,
-    read_tokens. docs/operate.md tells what each of them means.
+    read_tokens. docs/operate.md explains each of them.
 
-    SIGTERM and Ctrl-C end it politely, with exit code 0: it takes no new streams and lets running ones end; a second
-    signal ends it at once.
+    SIGTERM and Ctrl-C shut it down gracefully, with exit code 0: it accepts no new streams and lets running ones
+    finish; a second signal ends it at once.
     """
 
     # What follows is for typer, which asks for it when the command is called: to load the settings takes a while.
@@ -61,7 +63,7 @@ class _Serve:
         ] = None,
         settings_file: Annotated[
             Path | None,
-            typer.Option("--settings", envvar="MESHTIDE_SETTINGS_FILE", help="TOML file of settings; see below."),
+            typer.Option("--settings", envvar="MESHTIDE_SETTINGS_FILE", help="TOML file of settings; see above."),
         ] = None,
         announce: Annotated[
             bool, typer.Option("--announce", help='Print {"url": ...} on standard output once the server listens.')
@@ -102,13 +104,14 @@ serve = _Serve()
 
 def copy_store(
     source: Annotated[str, typer.Argument(help="Store to read: a folder, or s3://bucket/folder.")],
-    target: Annotated[str, typer.Argument(help="Store to fill; what it has already is left alone.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
+    target: Annotated[str, typer.Argument(help="Store to fill; what it holds already is left alone.")],
+    as_json: JsonOption = False,
 ) -> None:
-    """Copy the streams of a store into another one: for a backup, to get one back, or to move.
+    """Copy the streams of a store into another one: to make a backup, to restore one, or to move.
 
-    Copy the catalogue first (pg_dump, or sqlite3's .backup): its streams are then in the store. Interrupted, the same
-    command goes on where it was. What is damaged is told and not copied: exit code 4. Nothing is deleted.
+    Copy the catalogue first (pg_dump, or sqlite3's .backup), so that the store has every stream it names. If it is
+    interrupted, run the same command again to continue. Damaged streams are reported and not copied: exit code 4.
+    Nothing is deleted.
 
     Example: meshtide copy-store s3://meshes /backup/store
     """
@@ -135,9 +138,9 @@ def copy_store(
 
 def check_store(
     store: Annotated[str, typer.Argument(help="Store to read: a folder, or s3://bucket/folder.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Read every object of a store and hold it against its SHA-256. Exit code 4 if one is damaged.
+    """Check every object of a store against its SHA-256. Exit code 4 if one is damaged.
 
     Example: meshtide check-store /backup/store
     """

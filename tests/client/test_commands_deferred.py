@@ -6,8 +6,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from meshtide_client.commands.application import build
 from meshtide_client.commands.deferred import deferred
-from meshtide_client.main import build
 
 READ: list[str] = []
 """What options have been made of, one entry each time."""

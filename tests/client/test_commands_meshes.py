@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from typer.testing import CliRunner
 
-from meshtide_client.main import build
+from meshtide_client.commands.application import build
 
 from .test_remote_listing import MANY, READY, answering, paging
 

@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from docker_files import compose
-from meshtide_client.main import build
+from meshtide_client.commands.application import build
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = ["README.md", "docker/README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")))]

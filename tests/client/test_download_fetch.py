@@ -11,7 +11,7 @@ import pytest
 from meshtide_client.connection.link import Link
 from meshtide_client.download.destination import Destination
 from meshtide_client.download.fetch import FetchResult, fetch
-from meshtide_codec.errors import MeshFileError, OptionError, TransferError
+from meshtide_codec.errors import OptionError, PacketError, TransferError
 from meshtide_codec.mesh_files import load_mesh
 from meshtide_codec.stream.container import preamble
 from meshtide_codec.stream.session import Until
@@ -167,12 +167,12 @@ async def test_what_is_no_regular_file_takes_ply_or_the_format_that_is_named(
     assert names(tmp_path) == ["nameless", "pipe"]
     with pytest.raises(OptionError, match="is not a regular file"):
         fetch(NOWHERE, stream_file="/dev/null")
-    with pytest.raises(MeshFileError, match="docx is none of the formats"):
+    with pytest.raises(OptionError, match="docx is none of the formats"):
         fetch(NOWHERE, tmp_path / "a.ply", kind="docx")
 
 
 def test_an_unknown_format_is_told_before_anything_is_fetched(tmp_path: Path) -> None:
-    with pytest.raises(MeshFileError, match=r"its name must end with one of \.glb"):
+    with pytest.raises(OptionError, match=r"its name must end with one of \.obj"):
         fetch("http://127.0.0.1:9/meshes/vase", tmp_path / "vase.docx")
     assert list(tmp_path.iterdir()) == []
 
@@ -197,7 +197,7 @@ def test_files_that_are_there_are_refused_before_anything_is_fetched(tmp_path: P
         {"output": tmp_path},
         {"keep_levels": tmp_path / "vase.ply"},
     ):
-        with pytest.raises((OptionError, MeshFileError)):
+        with pytest.raises(OptionError):
             fetch(NOWHERE, overwrite=False, **settings)  # type: ignore[arg-type]
     with pytest.raises(TransferError, match="Connection refused"):
         fetch(NOWHERE, tmp_path / "vase.ply", keep_levels=tmp_path, overwrite=True)
@@ -220,8 +220,7 @@ def test_a_file_of_this_machine_is_not_written_while_it_is_read(source: Served, 
         with pytest.raises(OptionError, match="is what is read"):
             fetch(str(stream), **settings)  # type: ignore[arg-type]
     (tmp_path / "vase.ply").unlink()
-    with pytest.raises(OptionError, match="is what is read"):
-        fetch(str(stream), tmp_path / "vase.ply")  # whose partial file is the source
+    fetch(str(stream), tmp_path / "vase.ply")  # whose partial file would be the source
     assert stream.read_bytes() == source.whole
     with pytest.raises(OptionError, match="would be written twice"):
         fetch(NOWHERE, tmp_path / "both.ply", stream_file=tmp_path / "both.ply")
@@ -291,3 +290,32 @@ def test_where_packets_are_kept(tmp_path: Path) -> None:
     assert Destination(output).partial_path == tmp_path / "a.ply.partial.tide"
     assert Destination(output, stream_file).partial_path == stream_file
     assert os.fspath(Destination(None, stream_file).partial_path or "") == str(stream_file)
+
+
+def test_a_damaged_file_of_this_machine_promises_nothing_and_leaves_nothing(source: Served, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.tide"
+    damaged.write_bytes(source.whole[:-1] + bytes([source.whole[-1] ^ 1]))
+    with pytest.raises(PacketError, match="checksum") as caught:
+        fetch(str(damaged), tmp_path / "a.ply", keep_levels=tmp_path / "levels" / "below")
+    assert "goes on" not in str(caught.value)
+    assert "kept" not in str(caught.value)
+    assert names(tmp_path) == ["damaged.tide", "levels"]  # whose levels are whole
+    with pytest.raises(PacketError, match="what has arrived is kept in .*kept.tide$"):
+        fetch(str(damaged), tmp_path / "a.ply", stream_file=tmp_path / "kept.tide")
+
+
+def test_levels_that_did_not_come_leave_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(TransferError):
+        fetch(NOWHERE, keep_levels=tmp_path / "a" / "b", link=Link(retries=0))
+    assert names(tmp_path) == []
+
+
+def test_a_level_that_the_stream_does_not_have_is_told(source: Served, tmp_path: Path) -> None:
+    (tmp_path / "a.tide").write_bytes(source.whole)
+    coarsest = source.header.levels[0].level
+    told_of_99 = [f"the stream has levels 0 to {coarsest}, and not 99: the coarsest is fetched"]
+    for level, told in ((99, told_of_99), (coarsest, [])):
+        sentences: list[str] = []
+        result = fetch(str(tmp_path / "a.tide"), until=Until(level=level), notify=sentences.append)
+        assert result.figures.level == coarsest
+        assert sentences == told

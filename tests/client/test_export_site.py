@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from meshtide_client import main
+from meshtide_client.commands import application
 from meshtide_client.connection.link import Link
 from meshtide_client.export.site import export_static
 from meshtide_client.remote.listing import list_meshes
@@ -226,12 +226,12 @@ async def test_a_foreign_file_in_the_folder_is_told_and_not_listed(scans: Path, 
 def test_the_command_ends_with_1_if_any_failed(scans: Path, tmp_path: Path) -> None:
     (scans / "a.ply").write_text("no mesh")
     command = ["export", str(scans), "--static", str(tmp_path / "site"), "--profile", "classic"]
-    done = CliRunner().invoke(main.build(), [*command, "--json"])
+    done = CliRunner().invoke(application.build(), [*command, "--json"])
     assert done.exit_code == 1
     answer = json.loads(done.stdout)
     assert [row["id"] for row in answer["meshes"]] == ["old-vase", "patch"]
     assert [Path(row["source"]).name for row in answer["failed"]] == ["a.ply"]
-    again = CliRunner().invoke(main.build(), command)
+    again = CliRunner().invoke(application.build(), command)
     assert (again.exit_code, "; 1 failed" in again.stdout, "a.ply failed: " in again.stderr) == (1, True, True)
 
 
@@ -244,3 +244,26 @@ async def test_sources_that_are_none_are_told(tmp_path: Path) -> None:
         await export_static(["nowhere"], tmp_path / "site")
     with pytest.raises(TransferError, match="cannot reach"):
         await export_static(["http://127.0.0.1:9"], tmp_path / "site", link=QUICK)
+
+
+async def test_a_mesh_that_fails_leaves_nothing(scans: Path, tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    (scans / "Old Vase.tide").write_bytes(DAMAGED)
+    _, (failure,) = await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
+    assert "Old Vase.tide" in failure.source
+    assert "goes on" not in failure.error
+    assert not site.exists()
+    await export_static([str(scans / "patch.ply")], site, options=ClassicOptions(bits=8), link=QUICK)
+    await export_static([str(scans / "Old Vase.tide")], site, link=QUICK)
+    assert {path.name for path in (site / "meshes").iterdir()} == {"index.json", "patch.tide"}
+
+
+async def test_an_export_that_is_interrupted_leaves_nothing(scans: Path, tmp_path: Path) -> None:
+    def interrupted(_sentence: str) -> None:
+        raise KeyboardInterrupt
+
+    site = tmp_path / "site"
+    (scans / "Old Vase.tide").write_bytes(WHOLE[:-20])
+    with web_server(WebServer(WHOLE[:-20], ranges=False)) as server, pytest.raises(KeyboardInterrupt):
+        await export_static([f"{server.url}/vase.tide"], site, link=Link(retries=3), notify=interrupted)
+    assert not site.exists()

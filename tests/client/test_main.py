@@ -3,13 +3,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from importlib.metadata import EntryPoint, version
+from importlib.metadata import version
 
 import pytest
-import typer
-from typer.testing import CliRunner
 
-from meshtide_client import main
+from meshtide_codec.command_line import ExitCode
 
 HEAVY = ("numpy", "scipy", "trimesh", "fastapi", "pydantic", "uvicorn", "websockets", "httpx")
 
@@ -40,7 +38,7 @@ def test_version() -> None:
 
 def test_help_loads_nothing_heavy() -> None:
     code = (
-        "import sys\nfrom meshtide_client.main import build\nbuild()\n"
+        "import sys\nfrom meshtide_client.commands.application import build\nbuild()\n"
         f"print([name for name in {HEAVY!r} if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -69,22 +67,39 @@ def test_every_command_shows_an_example(command: str) -> None:
     assert f"Example: meshtide {command}" in done.stdout
 
 
-def test_commands_of_other_packages_come_last(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = [
-        EntryPoint("viewer", "tests_that_do_not_exist:register", "meshtide.commands"),
-        EntryPoint("client", "meshtide_client.commands:register", "meshtide.commands"),
-    ]
-    loaded: list[str] = []
+INTERRUPTED_IMPORT = """
+import os, signal, sys
 
-    def load(point: EntryPoint) -> object:
-        loaded.append(point.name)
-        return lambda _app: None
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(main, "entry_points", lambda group: points if group == "meshtide.commands" else [])
-    monkeypatch.setattr(EntryPoint, "load", load)
-    assert isinstance(main.build(), typer.Typer)
-    assert loaded == ["client", "viewer"]
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Interrupting())
+sys.argv = ["meshtide", "sphere"]
+from meshtide_client.main import main
+main()
+"""
 
 
-def test_commands_without_arguments_show_their_help() -> None:
-    assert "Usage" in CliRunner().invoke(main.build(), []).output
+@pytest.mark.parametrize(
+    "module",
+    [
+        "meshtide_client.commands.application",
+        "typer",
+        "meshtide_codec.command_line",
+        "meshtide_lab.simulation.commands",
+        "meshtide_codec.commands.sphere",
+        "numpy",
+        "numpy._core._multiarray_umath",
+        "scipy.sparse",
+    ],
+)
+def test_ctrl_c_during_imports_ends_in_one_line(module: str) -> None:
+    code = INTERRUPTED_IMPORT.format(module=module)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr == "meshtide: interrupted\n"
+    assert done.returncode == ExitCode.INTERRUPTED
+    assert done.stdout == ""

@@ -138,3 +138,28 @@ def test_points_to_search_for_must_have_three_finite_coordinates() -> None:
         tree.closest(np.zeros((4, 2)))
     with pytest.raises(MeshError, match="finite"):
         tree.closest(np.array([[0.0, np.inf, 0.0]]))
+
+
+@pytest.mark.parametrize("exponent", [-1060, -1000, -600, -200, -101, -100, 100, 101, 200, 600, 1000, 1022])
+def test_the_unit_of_a_mesh_does_not_matter(exponent: int) -> None:
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    faces = np.array([[0, 1, 2], [1, 3, 2]])
+    asked = np.array([[0.25, 0.5, 1.5], [1.5, 0.0, 0.0], [-1.0, -1.0, 0.5]])
+    near = TriangleTree(square, faces)
+    far = TriangleTree(np.ldexp(square, exponent), faces)
+    expected, found = near.closest(asked), far.closest(np.ldexp(asked, exponent))
+    assert expected.points.tolist() == [[0.25, 0.5, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    np.testing.assert_array_equal(found.points, np.ldexp(expected.points, exponent))
+    np.testing.assert_array_equal(found.weights, expected.weights)
+    np.testing.assert_array_equal(far.samples(20, 1).points, np.ldexp(near.samples(20, 1).points, exponent))
+
+
+def test_points_that_are_too_far_away_to_be_measured_are_refused() -> None:
+    tree = TriangleTree(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    assert tree.closest(np.array([[1e15, 0.25, 0.0]])).points.tolist() == [[1.0, 0.0, 0.0]]
+    for far in (1e16, 1e20, -1e150, 1e300):
+        with pytest.raises(MeshError, match=r"point 1 cannot be searched for: it is (\d\.\de\+\d+|inf) times the size"):
+            tree.closest(np.array([[0.0, 0.0, 0.0], [0.0, far, 0.0]]))
+    tiny = TriangleTree(np.array([[0.0, 0, 0], [1e-300, 0, 0], [0, 1e-300, 0]]), np.array([[0, 1, 2]]))
+    with pytest.raises(MeshError, match="point 0 cannot"):
+        tiny.closest(np.ones((1, 3)))

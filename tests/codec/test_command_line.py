@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import errno
+import os
+import signal
+import time
 
 import pytest
 import typer
@@ -71,6 +74,45 @@ def test_success_and_interruption(capsys: pytest.CaptureFixture[str], monkeypatc
         run(application(KeyboardInterrupt()))
     assert ending.value.code == ExitCode.INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("number", "told"),
+    [(signal.SIGTERM, "ended by SIGTERM"), (signal.SIGHUP, "ended, because its terminal was closed (SIGHUP)")],
+)
+def test_a_signal_that_ends_a_command_is_told(
+    number: signal.Signals, told: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = typer.Typer()
+
+    @app.command()
+    def command() -> None:
+        os.kill(os.getpid(), number)
+        time.sleep(5)
+
+    monkeypatch.setattr("sys.argv", ["meshtide"])
+    with pytest.raises(SystemExit) as ending:
+        run(app)
+    assert ending.value.code == 128 + number
+    assert capsys.readouterr().err == f"meshtide: {told}\n"
+
+
+def test_an_interruption_that_a_library_makes_another_error_of_is_one(capsys: pytest.CaptureFixture[str]) -> None:
+    error = ImportError("numpy cannot be imported")
+    error.__cause__ = RuntimeError()
+    error.__cause__.__context__ = KeyboardInterrupt()
+    with pytest.raises(SystemExit) as ending:
+        run_as(error)
+    assert ending.value.code == ExitCode.INTERRUPTED
+    assert capsys.readouterr().err == "meshtide: interrupted\n"
+
+
+def test_errors_that_are_each_others_context_end_too() -> None:
+    first, second = TransferError("first"), TransferError("second")
+    first.__cause__, second.__cause__ = second, first
+    with pytest.raises(SystemExit) as ending:
+        run_as(first)
+    assert ending.value.code == ExitCode.NETWORK
 
 
 def test_unforeseen_errors_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:

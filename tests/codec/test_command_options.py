@@ -23,9 +23,15 @@ def test_each_profile_takes_its_own_options() -> None:
 @pytest.mark.parametrize(
     ("profile", "compact", "classic", "message"),
     [
-        ("magic", {}, {}, "not one of compact, classic"),
-        ("compact", {}, {"degree": 3}, "degree: not of profile compact; add --profile classic"),
-        ("classic", {"slices": 3}, {}, "slices: not of profile classic; add --profile compact"),
+        ("magic", {}, {}, "--profile is compact or classic, not 'magic'"),
+        ("compact", {}, {"degree": 3}, "--degree belongs to profile classic; add --profile classic"),
+        ("classic", {"slices": 3}, {}, "--slices belongs to profile compact; add --profile compact"),
+        (
+            "compact",
+            {},
+            {"variable_from": 3, "sent_levels": "1"},
+            "-S and --diff-levels belong to profile classic",
+        ),
         ("compact", {"slices": 0}, {}, "slices"),
     ],
 )

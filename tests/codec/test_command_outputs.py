@@ -14,7 +14,7 @@ import pytest
 
 from command_runner import meshtide
 from meshtide_codec.decoder import decode
-from meshtide_codec.errors import MeshFileError, OptionError, StreamError
+from meshtide_codec.errors import OptionError, StreamError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files import load_mesh, save_mesh
 from meshtide_codec.testing import grid
@@ -127,7 +127,13 @@ def test_places_that_cannot_be_written_are_told_before_the_mesh_is_read(tmp_path
     assert "there is no folder" in refused(encode(missing, "-o", tmp_path / "no" / "a.tide"))
     assert "is a folder" in refused(meshtide("decode", tmp_path / "never-read.tide", "-o", tmp_path))
     nameless = meshtide("decode", tmp_path / "never-read.tide", "-o", tmp_path / "nameless").exception
-    assert isinstance(nameless, MeshFileError)
+    assert isinstance(nameless, OptionError)
+    foreign = meshtide("decode", tmp_path / "never-read.tide", "-o", tmp_path / "a.xyz").exception
+    assert isinstance(foreign, OptionError)
+    assert str(foreign).startswith(f"cannot write {tmp_path}/a.xyz: its name must end with one of .obj, .ply, ")
+    kind = meshtide("decode", tmp_path / "never-read.tide", "--format", "xyz").exception
+    assert isinstance(kind, OptionError)
+    assert "xyz is none of the formats obj, ply, " in str(kind)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -150,3 +150,45 @@ def test_meshes_that_are_none_are_refused() -> None:
 def test_nothing_to_measure_with_is_refused(options: dict[str, int]) -> None:
     with pytest.raises(OptionError, match="needs samples and vertices"):
         DistortionMeter(SQUARE, SQUARE_FACES, **options)
+
+
+SQUARE = np.array([[0.0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]])
+SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+@pytest.mark.parametrize("scale", [1e-307, 1e-300, 1e-160, 1e-100, 1e100, 1e160, 1e300, 1e307])
+def test_the_unit_of_the_meshes_does_not_matter(scale: float) -> None:
+    original, other = SQUARE * scale, (SQUARE + np.array([0, 0, 0.5])) * scale
+    found = distortion((original, SQUARE_FACES), (other, SQUARE_FACES), samples=100)
+    assert found.rms == pytest.approx(0.1, rel=1e-9)
+    assert found.maximum == pytest.approx(0.1, rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [1e20, 1e70, 1e100, 1e300])
+def test_meshes_whose_distance_is_no_number_are_refused(ratio: float) -> None:
+    for original, other in ((SQUARE, SQUARE * ratio), (SQUARE / ratio, SQUARE), (SQUARE, SQUARE + ratio)):
+        with pytest.raises(MeshError, match=r"cannot be compared: one reaches \d\.\de\+\d+ times the size"):
+            distortion((original, SQUARE_FACES), (other, SQUARE_FACES), samples=10)
+
+
+def test_points_are_compared_in_their_own_unit_or_not_at_all() -> None:
+    nothing = np.zeros((0, 3), np.int32)
+    point = np.full((1, 3), 1e300)
+    assert distortion((point, nothing), (point, nothing)).maximum == 0.0
+    for shift in (1e-300, 1e300):
+        with pytest.raises(MeshError, match="cannot be compared"):
+            distortion((np.zeros((1, 3)), nothing), (np.full((1, 3), shift), nothing))
+
+
+@pytest.mark.parametrize("ratio", [1e-10, 1e-30, 1e-100, 1e-200, 1e-300, 0.0])
+@pytest.mark.parametrize("place", [0.0, 1.0, 1e10])
+def test_a_tiny_mesh_is_as_far_away_as_a_point(ratio: float, place: float) -> None:
+    found = distortion((SQUARE, SQUARE_FACES), (SQUARE * ratio + place, SQUARE_FACES))
+    point = distortion((SQUARE, SQUARE_FACES), (np.full((1, 3), place), np.zeros((0, 3), np.int32)))
+    assert found.maximum == pytest.approx(point.maximum, rel=1e-6)
+    assert found.rms == pytest.approx(point.rms, rel=1e-6)
+
+
+def test_a_mesh_without_a_finite_diagonal_is_refused() -> None:
+    with pytest.raises(MeshError, match="too large to be measured"):
+        distortion((SQUARE * 4e307, SQUARE_FACES), (SQUARE, SQUARE_FACES))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshtide_codec.errors import MeshFileError
+from meshtide_codec.errors import MeshFileError, MissingLibraryError
 from meshtide_codec.limits import FileLimits
 from meshtide_codec.mesh_files import other_formats
 from meshtide_codec.mesh_files.other_formats import read_other, write_other
@@ -83,23 +83,21 @@ def test_no_memory_is_no_fault_of_the_file(library: Any) -> None:
 @pytest.mark.parametrize("kind", ["zip", "xyz", "tar.gz", "xyzzy", "obj2", "dxf"])
 def test_what_is_no_mesh_format_is_not_tried(library: Any, kind: str) -> None:
     library.loaded = mesh()
-    message = r"nothing is known about files named .*; read are obj, .*, and with a library more each 3mf, 3dxml, dae"
+    message = r"nothing is known about files named .*; obj, .* can be read, and with one more library each 3mf, 3dxml"
     with pytest.raises(MeshFileError, match=message):
         read_other(source(kind), LIMITS)
-    with pytest.raises(MeshFileError, match="nothing is known .*; written are obj, .* a library more each 3mf, dae"):
-        write_other(Scene.of(tetrahedron()), kind)
 
 
 def test_a_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trimesh, "available_formats", lambda: {"obj"})
-    with pytest.raises(MeshFileError, match=r"files named \*\.dae need a library: pip install pycollada"):
+    with pytest.raises(MeshFileError, match=r"files named \*\.dae need a library: pip install 'meshtide\[formats\]'"):
         read_other(source("dae"), LIMITS)
 
     def missing(*_arguments: Any, **_options: Any) -> bytes:
         raise ImportError("missing")
 
     monkeypatch.setattr(trimesh.Trimesh, "export", missing)
-    with pytest.raises(MeshFileError, match=r"files named \*\.3mf need a library: pip install lxml networkx"):
+    with pytest.raises(MissingLibraryError, match=r"named \*\.3mf need a library: pip install 'meshtide\[formats\]'"):
         write_other(Scene.of(tetrahedron()), "3mf")
 
 
@@ -124,4 +122,4 @@ def test_what_is_written_is_what_the_library_gives(monkeypatch: pytest.MonkeyPat
     for given in (b"bytes", "text"):
         monkeypatch.setattr(trimesh.Trimesh, "export", lambda _mesh, given=given, **_options: given)
         assert write_other(Scene.of(tetrahedron()), "dae") in {b"bytes", b"text"}
-    assert set(other_formats._WRITTEN) <= set(other_formats._READ)
+    assert set(other_formats.WRITTEN) <= set(other_formats._READ)

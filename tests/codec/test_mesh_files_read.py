@@ -82,7 +82,7 @@ def test_contents_that_could_be_several_things_are_left_to_their_readers() -> No
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("a.xyzzy", r"nothing is known about files named \*\.xyzzy; read are obj, ply, off, stl, glb, gltf, and"),
+        ("a.xyzzy", r"nothing is known about files named \*\.xyzzy; obj, ply, off, stl, glb, gltf can be read, and"),
         ("a", "its name does not show the format; --format names it"),
         ("a.gz", "its name does not show the format"),
     ],

@@ -13,7 +13,14 @@ from pathlib import Path
 import pytest
 
 from meshtide_codec import output_files
-from meshtide_codec.output_files import is_written_in_place, move_into_place, write_atomically, write_output
+from meshtide_codec.output_files import (
+    is_written_in_place,
+    made_folder,
+    move_into_place,
+    write_atomically,
+    write_output,
+    write_together,
+)
 
 LONG_NAME = "n" * 255
 
@@ -271,3 +278,34 @@ def test_other_threads_leave_signals_alone(tmp_path: Path) -> None:
     thread.join()
     assert seen == [signal.SIG_DFL]
     assert names(tmp_path) == {"out"}
+
+
+def test_files_that_belong_together_appear_together_or_not_at_all(tmp_path: Path) -> None:
+    write_together([(tmp_path / "a", b"1"), (tmp_path / "b", b"2")])
+    assert [(tmp_path / name).read_bytes() for name in "ab"] == [b"1", b"2"]
+    (tmp_path / "folder").mkdir()
+    for last in ("folder", "none/c"):
+        with pytest.raises(OSError, match="director") as caught:
+            write_together([(tmp_path / "a", b"3"), (tmp_path / "new", b"4"), (tmp_path / last, b"5")])
+        assert caught.value.filename == str(tmp_path / last)
+    with pytest.raises(FileExistsError):
+        write_together([(tmp_path / "new", b"4"), (tmp_path / "b", b"5")], replace=False)
+    assert (tmp_path / "a").read_bytes() == b"1"
+    assert names(tmp_path) == {"a", "b", "folder"}
+
+
+def test_a_folder_is_removed_again_if_nothing_came_into_it(tmp_path: Path) -> None:
+    (tmp_path / "kept").mkdir()
+    for folder in ("kept", "kept/a/b", "c"):
+        with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / folder):
+            assert (tmp_path / folder).is_dir()
+            raise KeyboardInterrupt
+    assert names(tmp_path) == {"kept"}
+    assert names(tmp_path / "kept") == set()
+    with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / "c" / "d"):
+        (tmp_path / "c" / "file").touch()
+        raise KeyboardInterrupt
+    assert names(tmp_path / "c") == {"file"}
+    with made_folder(tmp_path / "e"):
+        pass
+    assert (tmp_path / "e").is_dir()

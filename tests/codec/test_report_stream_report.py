@@ -76,5 +76,5 @@ def test_where_a_report_goes(tmp_path: Path) -> None:
 def test_without_matplotlib_only_the_terminal_is_left(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     assert report_files(TERMINAL, "spot") == []
-    with pytest.raises(MeshtideError, match="matplotlib: pip install"):
+    with pytest.raises(MeshtideError, match="matplotlib, which is not installed: pip install"):
         report_files(tmp_path, "spot")

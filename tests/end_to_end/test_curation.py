@@ -9,7 +9,7 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from meshtide_client.main import build
+from meshtide_client.commands.application import build
 from meshtide_client.remote.edit import change_mesh, delete_mesh, list_tags
 from meshtide_client.remote.listing import list_meshes
 from meshtide_codec.compact.options import CompactOptions

@@ -195,4 +195,4 @@ def test_export_takes_an_effort(scans: Path, expected: dict[str, EncodedMesh], m
     assert (meshtide.folder / "site" / "meshes" / "grid.tide").read_bytes() == expected["grid"].to_bytes()
     refused = meshtide(*command, "--effort", "high", "--profile", "classic")
     assert refused.returncode == ExitCode.USAGE
-    assert "effort: not of profile classic" in refused.stderr
+    assert "--effort belongs to profile compact" in refused.stderr

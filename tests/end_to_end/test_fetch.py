@@ -121,18 +121,21 @@ def test_a_connection_that_breaks_is_opened_again(server: Any, relay: Callable[.
     assert len(server.whole) - len(preamble(b"")) <= answer["received_bytes"] < len(server.whole) * 3 // 2
 
 
-def test_ctrl_c_keeps_what_has_arrived(server: Any, meshtide: Any) -> None:
+@pytest.mark.parametrize(
+    ("number", "last"), [(signal.SIGINT, "meshtide: interrupted"), (signal.SIGTERM, "meshtide: ended by SIGTERM")]
+)
+def test_a_signal_keeps_what_has_arrived(server: Any, meshtide: Any, number: signal.Signals, last: str) -> None:
     partial = meshtide.folder / PARTIAL
     process = meshtide.start("fetch", server.mesh_url, "--rate", "1500")
     wait_for(lambda: partial.exists() and partial.stat().st_size > 700, process)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     output, errors = process.communicate(timeout=30)
-    assert process.returncode == ExitCode.INTERRUPTED
+    assert process.returncode == 128 + number
     assert output == ""
     told, ending = errors.splitlines()
     assert told.startswith("level ")
     assert PARTIAL in told
-    assert ending == "meshtide: interrupted"
+    assert ending == last
     held = partial.stat().st_size
     answer = fetched(meshtide("fetch", server.mesh_url, "--json"))
     assert answer["received_bytes"] == len(server.whole) - held

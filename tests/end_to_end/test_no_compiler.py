@@ -16,7 +16,7 @@ import pytest
 import typer
 
 from dask_cluster import running_cluster
-from meshtide_client.main import build
+from meshtide_client.commands.application import build
 from meshtide_codec.mesh_files import save_mesh
 from meshtide_codec.testing import grid
 from watched_processes import reported, watching

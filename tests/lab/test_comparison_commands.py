@@ -104,4 +104,22 @@ def test_compare_without_draco_tells_what_to_install(mesh_file: Path, monkeypatc
     monkeypatch.setitem(sys.modules, "DracoPy", None)
     error = meshtide("compare", mesh_file).exception
     assert isinstance(error, MeshtideError)
-    assert str(error) == "this needs DracoPy: pip install 'meshtide[bench]'"
+    assert str(error) == "this needs DracoPy, which is not installed: pip install 'meshtide[bench]'"
+
+
+@pytest.mark.usefixtures("peers")
+def test_a_comparison_of_nothing_writes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "broken.off").write_text("no mesh")
+    failed = meshtide("compare", tmp_path / "broken.off", "-o", tmp_path / "out")
+    assert isinstance(failed.exception, MeshError)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("peers")
+def test_a_plot_that_fails_leaves_no_table(mesh_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_arguments: object) -> bytes:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("meshtide_lab.comparison.plots.comparison_plot", fails)
+    assert meshtide("compare", mesh_file, "-B", 8, "-o", tmp_path / "out").exit_code != 0
+    assert not (tmp_path / "out").exists()

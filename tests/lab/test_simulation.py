@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from meshtide_client.main import build
+from meshtide_client.commands.application import build
 from meshtide_codec.encoder import encode
 from meshtide_codec.errors import MeshError, OptionError
 from meshtide_codec.mesh_files import save_mesh

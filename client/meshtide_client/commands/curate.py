@@ -18,16 +18,16 @@ Mesh = Annotated[str, typer.Argument(help="The mesh: http://host:port/meshes/ID.
 
 def edit(
     url: Mesh,
-    name: Annotated[str | None, typer.Option(help="Its name from now on.")] = None,
-    tag: Annotated[list[str] | None, typer.Option(help="All its tags from now on. May be repeated.")] = None,
-    no_tags: Annotated[bool, typer.Option("--no-tags", help="Take all its tags away.")] = False,
-    licence: Annotated[str | None, typer.Option(help="The text of its terms from now on.")] = None,
+    name: Annotated[str | None, typer.Option(help="New name.")] = None,
+    tag: Annotated[list[str] | None, typer.Option(help="New tag; replaces all tags. May be repeated.")] = None,
+    no_tags: Annotated[bool, typer.Option("--no-tags", help="Remove all tags.")] = False,
+    licence: Annotated[str | None, typer.Option(help="New text of its licence or terms of use.")] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Change what a server tells of a published mesh; it is not encoded again. Takes a write token.
+    """Change the name, tags or licence of a published mesh; it is not encoded again. Needs a write token.
 
     Example: MESHTIDE_TOKEN=... meshtide edit http://localhost:8000/meshes/vase --tag clay --licence "CC BY 4.0"
     """
@@ -38,7 +38,7 @@ def edit(
     from meshtide_codec.errors import OptionError
 
     if tag and no_tags:
-        raise OptionError("--tag and --no-tags say the opposite; give one of them")
+        raise OptionError("--tag and --no-tags contradict each other; give one of them")
     wanted = [] if no_tags else tag
     mesh = change_mesh(
         url, name=name, tags=wanted, licence=licence, timeout=timeout, token=find_token(token_file), ca_file=ca_file
@@ -51,14 +51,14 @@ def edit(
 
 
 def delete(
-    urls: Annotated[list[str], typer.Argument(help="The meshes: http://host:port/meshes/ID.")],
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    urls: Annotated[list[str], typer.Argument(help="Meshes: http://host:port/meshes/ID.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Take published meshes away from a server, for good. Takes a write token.
+    """Delete published meshes from a server, for good. Needs a write token.
 
     Example: MESHTIDE_TOKEN=... meshtide delete http://localhost:8000/meshes/vase --yes
     """
@@ -77,13 +77,13 @@ def delete(
 
 def tags(
     url: Annotated[str, typer.Argument(help="Address of the server: http://host:port.")],
-    limit: Annotated[int, typer.Option(min=1, max=1000, help="How many at most.")] = 1000,
+    limit: Annotated[int, typer.Option(min=1, max=1000, help="Maximum number of tags.")] = 1000,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the tags of a server's published meshes, those of most meshes first.
+    """List the tags of a server's published meshes, the most used first.
 
     Example: meshtide tags http://localhost:8000
     """

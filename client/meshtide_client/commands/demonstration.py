@@ -23,6 +23,7 @@ from meshtide_client.download.destination import check_levels
 from meshtide_client.download.fetch import FetchResult, fetch
 from meshtide_client.remote.listing import ListedMesh, list_meshes
 from meshtide_codec.errors import MeshtideError, OptionError, TransferError
+from meshtide_codec.output_files import made_folder
 from meshtide_codec.output_policy import output_file
 from meshtide_codec.printable import printable, shown
 from meshtide_codec.quantize import quantize
@@ -74,10 +75,9 @@ def run_demo(
     link = Link(rate=rate)
     check_levels(folder, name, overwrite=overwrite)
     picture = output_file(folder / PICTURE, overwrite=overwrite, new_folder=True) if draw else None
-    folder.mkdir(parents=True, exist_ok=True)
     console = Console()
     console.print("starting a server with the sample meshes ...")
-    with running_server(wait=wait) as url:
+    with made_folder(folder), running_server(wait=wait) as url:
         address = ServerAddress.parse(url).mesh(name)
         console.print(f"it listens on {url}")
         _wait_until_ready(console, url, name, wait)

@@ -9,30 +9,29 @@ import typer
 
 from meshtide_client.commands.options import CaFileOption, TimeoutOption, TokenFileOption
 from meshtide_codec.printable import printable, shown
-from meshtide_codec.shared_options import JsonOption, OverwriteOption
+from meshtide_codec.shared_options import JsonOption, OverwriteOption, bits_option, effort_option, profile_option
 
 
 def export(
     sources: Annotated[
         list[str],
-        typer.Argument(help="Meshes, .tide files, folders of them, or addresses: of servers, meshes, .tide files."),
+        typer.Argument(help="Mesh files, .tide files, folders of these, or URLs of servers, meshes or .tide files."),
     ],
-    static: Annotated[Path, typer.Option(help="Folder to write to; any web server can host it.")],
-    bits: Annotated[int, typer.Option("-B", "--bits", help="Bits per coordinate for meshes encoded here.")] = 12,
-    profile: Annotated[str, typer.Option(help="How meshes are encoded here: compact or classic.")] = "compact",
-    effort: Annotated[
-        str | None, typer.Option(help="compact: default, or high: smaller, and slower.", show_default=False)
-    ] = None,
+    static: Annotated[Path, typer.Option(help="Folder to write.")],
+    bits: Annotated[int, bits_option()] = 12,
+    profile: Annotated[str, profile_option()] = "compact",
+    effort: Annotated[str | None, effort_option()] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     ca_file: CaFileOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a folder of .tide files, with a list of them, that works on any web server.
+    """Write a folder of .tide files, with a list of them, that any web server can host.
 
-    What an earlier export of the same source put there is made anew; other meshes of the folder stay. A mesh that fails
-    is told and stops no other; exit code 1 if any did.
+    Meshes that an earlier export wrote from the same source are replaced; others in the folder stay. -B, --profile
+    and --effort apply to mesh files, which are encoded here. A mesh that fails is reported and leaves nothing; the
+    others are still exported, and the exit code is 1.
 
     Example: meshtide export scans/ http://localhost:8000 --static site; python -m http.server --directory site
     """

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from meshtide_client.commands.options import CaFileOption, TimeoutOption, TokenFileOption
-from meshtide_codec.shared_options import JsonOption, MaxFacesOption, MaxVerticesOption, OverwriteOption, named_path
+from meshtide_codec.shared_options import (
+    JsonOption,
+    MaxFacesOption,
+    MaxVerticesOption,
+    MeshFormatOption,
+    OverwriteOption,
+    UnprotectedOption,
+    named_path,
+)
 
 if TYPE_CHECKING:
     from meshtide_client.download.packet_filter import PacketFilter
@@ -23,34 +31,30 @@ def fetch(
         typer.Option(
             "-o",
             "--output",
-            help="Mesh file to write; default: the mesh's id with .ply.",
+            help="Mesh file to write; by default the mesh's id with .ply.",
             parser=named_path,
         ),
     ] = None,
-    kind: Annotated[
-        str | None, typer.Option("--format", help="Of the mesh file, such as obj; default: as its name ends, or ply.")
-    ] = None,
-    until_level: Annotated[
-        int | None, typer.Option(min=0, help="Fetch what this level needs; 0 is the finest.")
-    ] = None,
+    kind: MeshFormatOption = None,
+    until_level: Annotated[int | None, typer.Option(min=0, help="Stop at this level; 0 is the finest.")] = None,
     max_bytes: Annotated[
-        int | None, typer.Option(min=0, help="Fetch the finest level that fits into so many bytes.")
+        int | None, typer.Option(min=0, help="Fetch the finest level that fits into this many bytes.")
     ] = None,
     max_error: Annotated[
         float | None,
-        typer.Option(min=0.0, help="Stop at an RMS error of this fraction of the bounding box's diagonal."),
+        typer.Option(min=0.0, help="Stop at this RMS error, as a fraction of the bounding box's diagonal."),
     ] = None,
-    keep_levels: Annotated[Path | None, typer.Option(help="Folder to write every level to, as PLY.")] = None,
+    keep_levels: Annotated[Path | None, typer.Option(help="Folder to write every level to, as PLY files.")] = None,
     stream_file: Annotated[
         Path | None,
         typer.Option(
-            help="Keep the stream in this .tide file; what it holds of it is not fetched again.",
+            help="Keep the stream in this .tide file; what it holds already is not fetched again.",
             parser=named_path,
         ),
     ] = None,
     timeout: TimeoutOption = 30.0,
-    retries: Annotated[int, typer.Option(min=0, help="How often to reconnect without progress before giving up.")] = 5,
-    rate: Annotated[float | None, typer.Option(help="Take no more than so many bytes a second.")] = None,
+    retries: Annotated[int, typer.Option(min=0, help="Number of reconnections without progress before giving up.")] = 5,
+    rate: Annotated[float | None, typer.Option(help="Limit the download to this many bytes a second.")] = None,
     transport: Annotated[
         str, typer.Option(help="websocket, http (ranges), download (one plain request); auto: the first that works.")
     ] = "auto",
@@ -58,12 +62,10 @@ def fetch(
     ca_file: CaFileOption = None,
     loss: Annotated[
         str | None,
-        typer.Option(help="Send the packets over a lossy link, such as 'gilbert:p=0.05,r=0.5 + deadline:seconds=2'."),
+        typer.Option(help="Simulate a lossy link, such as 'gilbert:p=0.05,r=0.5 + deadline:seconds=2'."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the lossy link: the same seed loses the same packets.")] = 0,
-    unprotected: Annotated[
-        str, typer.Option(help="What the link may lose besides Diffs: base,map-conn,param,preview, or all.")
-    ] = "",
+    seed: Annotated[int, typer.Option(help="Seed of the lossy link: the same seed loses the same packets.")] = 0,
+    unprotected: UnprotectedOption = "",
     overwrite: OverwriteOption = False,
     max_vertices: MaxVerticesOption = None,
     max_faces: MaxFacesOption = None,
@@ -71,15 +73,15 @@ def fetch(
 ) -> None:
     """Fetch a mesh from a server, level by level.
 
-    An interrupted download is gone on with when the same command is repeated: what has arrived is kept beside the
-    output, in a file that ends in .partial.tide. An existing output is replaced only with --overwrite, and only when
-    the mesh is complete; a --stream-file that holds another stream is left alone without it, and renamed with it. Of
-    several fetches into one file at once, one goes on and the others say so.
+    To continue an interrupted download, run the same command again: what has arrived is kept beside the output, in a
+    file that ends in .partial.tide. An existing output is replaced only with --overwrite, and only once the mesh is
+    complete. A --stream-file that holds another stream is left alone without --overwrite, and renamed with it. If
+    several fetches write to one file at once, one continues and the others stop with a message.
 
     Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny -o bunny.ply --max-error 0.005
 
-    With --loss, packets are lost, late or perturbed before they are decoded, as by `meshtide simulate`; the server
-    sends them all, and --stream-file keeps them all.
+    With --loss, packets are lost, delayed or perturbed before they are decoded, as in `meshtide simulate`. The server
+    still sends all of them, and --stream-file keeps all of them.
 
     Example: meshtide fetch http://localhost:8000/meshes/stanford-bunny --loss loss:rate=0.1 --seed 3
     """

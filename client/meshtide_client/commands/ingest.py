@@ -8,55 +8,52 @@ from typing import Annotated
 import typer
 
 from meshtide_client.commands.options import CaFileOption, TimeoutOption, TokenFileOption
-from meshtide_codec.shared_options import JsonOption
+from meshtide_codec.shared_options import JsonOption, bits_option, effort_option, profile_option
 
 
 def ingest(
     paths: Annotated[list[Path], typer.Argument(help="Mesh files, .tide files, and folders of them.")],
     server: Annotated[str | None, typer.Option(help="Upload to the server at http://host:port.")] = None,
     data: Annotated[
-        Path | None, typer.Option(help="Publish without a server, in this folder: what `serve --data` shows.")
+        Path | None, typer.Option(help="Publish into this folder, without a server; host it with `serve --data`.")
     ] = None,
     store: Annotated[
-        str | None, typer.Option(help="Publish without a server, in a folder or s3://bucket/folder; with --database.")
+        str | None,
+        typer.Option(help="Publish into a folder or s3://bucket/folder, with no server; needs --database."),
     ] = None,
     database: Annotated[
         str | None,
         typer.Option(
-            help="Its catalogue: sqlite:///file.db or postgresql://host/name; default: MESHTIDE_DATABASE, which may "
-            "hold a password."
+            help="Catalogue of the store: sqlite:///file.db or postgresql://host/name; by default MESHTIDE_DATABASE, "
+            "which may hold a password."
         ),
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, max=1024, help="Encode in so many processes here; default: one a processor, 8 at most."),
+        typer.Option(min=1, max=1024, help="Number of processes to encode in; by default one per processor, up to 8."),
     ] = None,
     distributed: Annotated[
         str | None, typer.Option(help="Encode on the Dask cluster of the scheduler tcp://host:8786 (extra dask).")
     ] = None,
-    bits: Annotated[
-        int | None, typer.Option("-B", "--bits", help="Bits per coordinate; default: the server's.")
-    ] = None,
-    profile: Annotated[str | None, typer.Option(help="compact or classic; default: the server's.")] = None,
-    effort: Annotated[
-        str | None, typer.Option(help="compact: default, or high: smaller and slower; default: the server's.")
-    ] = None,
-    tag: Annotated[list[str] | None, typer.Option(help="To find them by; may be repeated.")] = None,
-    licence: Annotated[str, typer.Option(help="The text of their terms.")] = "",
+    bits: Annotated[int | None, bits_option("the server's")] = None,
+    profile: Annotated[str | None, profile_option("the server's")] = None,
+    effort: Annotated[str | None, effort_option("the server's")] = None,
+    tag: Annotated[list[str] | None, typer.Option(help="Tag to add; may be repeated.")] = None,
+    licence: Annotated[str, typer.Option(help="Text of their licence or terms of use.")] = "",
     replace: Annotated[
-        bool, typer.Option("--replace", help="Make again what is there by its content, or else by its name.")
+        bool, typer.Option("--replace", help="Encode again what is there already, by its content or else by its name.")
     ] = False,
-    parallel: Annotated[int, typer.Option(min=1, max=64, help="Uploads at a time.")] = 4,
+    parallel: Annotated[int, typer.Option(min=1, max=64, help="Number of uploads at a time.")] = 4,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Put many meshes online: upload them to a server, or encode them here, or on a cluster, into its store.
+    """Publish many meshes: upload them to a server, or encode them here or on a cluster into its store.
 
-    Contents that are there already are left alone, whatever their files are called, so an ingest that was interrupted
-    goes on when the command is repeated. Uploads take a write token. Exit code 1 if any file failed. What lies in a
-    folder and is not a file, such as a link that leads nowhere, is reported and skipped.
+    Files whose content is there already are skipped, whatever their names, so you can run an interrupted ingest again
+    to continue it. Uploading needs a write token. A file that fails is reported, and the exit code is 1. Anything in a
+    folder that is not a file, such as a broken link, is reported and skipped.
 
     Example: MESHTIDE_TOKEN=... meshtide ingest scans/ --server http://localhost:8000
 

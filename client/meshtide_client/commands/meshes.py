@@ -16,23 +16,23 @@ _MOMENTS = ["%Y-%m-%d", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%S%z"]
 def meshes(
     url: Annotated[str, typer.Argument(help="Address of the server: http://host:port.")],
     text: Annotated[
-        str, typer.Option("-q", "--search", help="Words that all stand in the id, the name or the tags.")
+        str, typer.Option("-q", "--search", help="Words that must all occur in the id, the name or the tags.")
     ] = "",
-    tag: Annotated[list[str] | None, typer.Option(help="Tag that it has. May be repeated.")] = None,
-    licence: Annotated[str, typer.Option(help="Words that all stand in the text of its terms.")] = "",
-    status: Annotated[Literal["ready", "encoding", "failed"] | None, typer.Option(help="In which state it is.")] = None,
-    smallest: Annotated[int | None, typer.Option(min=0, help="Bytes of its stream, at least.")] = None,
-    largest: Annotated[int | None, typer.Option(min=0, help="Bytes of its stream, at most.")] = None,
-    fewest_vertices: Annotated[int | None, typer.Option(min=0, help="Vertices, at least.")] = None,
-    most_vertices: Annotated[int | None, typer.Option(min=0, help="Vertices, at most.")] = None,
-    fewest_levels: Annotated[int | None, typer.Option(min=0, help="States that it can show, at least.")] = None,
-    most_levels: Annotated[int | None, typer.Option(min=0, help="States that it can show, at most.")] = None,
+    tag: Annotated[list[str] | None, typer.Option(help="Tag that it must have. May be repeated.")] = None,
+    licence: Annotated[str, typer.Option(help="Words that must all occur in its licence.")] = "",
+    status: Annotated[Literal["ready", "encoding", "failed"] | None, typer.Option(help="State of the mesh.")] = None,
+    smallest: Annotated[int | None, typer.Option(min=0, help="Minimum bytes of the stream.")] = None,
+    largest: Annotated[int | None, typer.Option(min=0, help="Maximum bytes of the stream.")] = None,
+    fewest_vertices: Annotated[int | None, typer.Option(min=0, help="Minimum number of vertices.")] = None,
+    most_vertices: Annotated[int | None, typer.Option(min=0, help="Maximum number of vertices.")] = None,
+    fewest_levels: Annotated[int | None, typer.Option(min=0, help="Minimum number of states it can show.")] = None,
+    most_levels: Annotated[int | None, typer.Option(min=0, help="Maximum number of states it can show.")] = None,
     created_after: Annotated[
         datetime | None,
         typer.Option(
             metavar="MOMENT",
             formats=_MOMENTS,
-            help="Published after this moment, such as 2026-11-30; UTC without a zone.",
+            help="Published after this moment, such as 2026-11-30; in UTC unless it names a zone.",
         ),
     ] = None,
     created_before: Annotated[
@@ -40,21 +40,21 @@ def meshes(
         typer.Option(
             metavar="MOMENT",
             formats=_MOMENTS,
-            help="Published before this moment, such as 2026-11-30; UTC without a zone.",
+            help="Published before this moment, such as 2026-11-30; in UTC unless it names a zone.",
         ),
     ] = None,
     box: Annotated[
         tuple[float, float, float, float, float, float] | None,
-        typer.Option(metavar="X Y Z X Y Z", help="A box that its own touches: the smallest x, y, z, then the largest."),
+        typer.Option(metavar="X Y Z X Y Z", help="Box that the mesh's own must meet: smallest x, y, z, then largest."),
     ] = None,
-    after: Annotated[str, typer.Option(help="Only ids that come after this one.")] = "",
-    limit: Annotated[int | None, typer.Option(min=1, help="How many at most.", show_default="all")] = None,
+    after: Annotated[str, typer.Option(help="Only ids that sort after this one.")] = "",
+    limit: Annotated[int | None, typer.Option(min=1, help="Maximum number of meshes.", show_default="all")] = None,
     timeout: TimeoutOption = 30.0,
     token_file: TokenFileOption = None,
     ca_file: CaFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the meshes that a server hosts, or those of them that are asked for.
+    """List the meshes that a server hosts, or those that match a search.
 
     Example: meshtide meshes http://localhost:8000 --search bust --tag scan --fewest-vertices 100000 --limit 20
     """

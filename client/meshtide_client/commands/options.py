@@ -7,15 +7,15 @@ from typing import Annotated
 
 import typer
 
-TimeoutOption = Annotated[float, typer.Option(help="Seconds without any news until the connection counts as lost.")]
+TimeoutOption = Annotated[float, typer.Option(help="Seconds without data after which the connection counts as lost.")]
 TokenFileOption = Annotated[
-    Path | None, typer.Option(help="File that holds the token for the server; without it, MESHTIDE_TOKEN is the token.")
+    Path | None, typer.Option(help="File that holds the server's token; by default MESHTIDE_TOKEN is the token.")
 ]
 CaFileOption = Annotated[
     Path | None,
     typer.Option(
         "--ca-file",
-        help="File of the authorities (PEM) that vouch for the server, in place of this machine's; "
-        "without it, SSL_CERT_FILE or SSL_CERT_DIR names them.",
+        help="PEM file of the certificate authorities to trust, in place of this machine's; by default what "
+        "SSL_CERT_FILE or SSL_CERT_DIR names.",
     ),
 ]

@@ -14,26 +14,26 @@ def render(
     inputs: Annotated[list[str], typer.Argument(help="Mesh files, .tide streams, or names of sample meshes.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="PNG file to write.")],
     all_levels: Annotated[
-        bool, typer.Option(help="All levels of a stream, coarse to fine, not its finest only.")
+        bool, typer.Option(help="Draw all levels of a stream, coarse to fine, not just the finest.")
     ] = False,
     distance_from: Annotated[
         str | None, typer.Option(help="Colour vertices by their distance from this mesh's surface.", metavar="MESH")
     ] = None,
     size: Annotated[int, typer.Option(min=16, max=2048, help="Width and height of each mesh in pixels.")] = 360,
-    columns: Annotated[int, typer.Option(min=1, help="How many stand side by side.")] = 3,
-    turn: Annotated[float, typer.Option(help="Degrees about the upright axis.")] = 25.0,
-    tilt: Annotated[float, typer.Option(help="Degrees from above.")] = 15.0,
+    columns: Annotated[int, typer.Option(min=1, help="Number of meshes side by side.")] = 3,
+    turn: Annotated[float, typer.Option(help="Rotation about the upright axis, in degrees.")] = 25.0,
+    tilt: Annotated[float, typer.Option(help="Tilt of the view from above, in degrees.")] = 15.0,
     smooth: Annotated[bool, typer.Option(help="Shade faces smoothly.")] = False,
     edges: Annotated[bool, typer.Option(help="Draw the edges of faces.")] = False,
     each_fits: Annotated[
-        bool, typer.Option(help="Each mesh fills its picture; otherwise all are in the scale of the last.")
+        bool, typer.Option(help="Scale each mesh to fill its picture; by default all have the scale of the last.")
     ] = False,
     overwrite: OverwriteOption = False,
     max_vertices: MaxVerticesOption = None,
     max_faces: MaxFacesOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Draw meshes side by side into a PNG file, without a screen.
+    """Draw meshes side by side into a PNG file; no display is needed.
 
     Example: meshtide render bunny.tide --all-levels -o levels.png
 
@@ -51,7 +51,7 @@ def render(
     from meshtide_codec.rendering.view import View
 
     if output.suffix.lower() != ".png":
-        raise OptionError(f"a picture is a .png file, not {output}")
+        raise OptionError(f"cannot write {shown(output)}: its name must end with .png")
     target = output_file(output, [*inputs, *([] if distance_from is None else [distance_from])], overwrite=overwrite)
     style = Style(View(turn, tilt), size, columns, smooth, edges)
     with progress_bar("render") as progress:

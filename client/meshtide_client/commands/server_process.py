@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import queue
-import signal
 import subprocess
 import sys
 import threading
 from contextlib import contextmanager
 from tempfile import TemporaryFile
-from typing import IO, TYPE_CHECKING, NoReturn
+from typing import IO, TYPE_CHECKING
 
 from meshtide_codec.errors import TransferError
+from meshtide_codec.termination import terminable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,7 +33,7 @@ def running_server(arguments: Sequence[str] = ("--samples",), *, wait: float = 6
     Raises:
         TransferError: it did not start; the message ends with what it said.
     """
-    with TemporaryFile() as log, _terminable():
+    with TemporaryFile() as log, terminable():
         process = subprocess.Popen(  # noqa: S603 - this interpreter, a module of this project
             [*_COMMAND, *arguments],
             stdin=subprocess.DEVNULL,
@@ -77,20 +77,3 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
         process.wait()
     if process.stdout is not None:
         process.stdout.close()
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM end the block as an exception, so that it is left in order."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def leave(number: int, _frame: object) -> NoReturn:
-        sys.exit(128 + number)
-
-    before = signal.signal(signal.SIGTERM, leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

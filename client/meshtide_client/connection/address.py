@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from urllib.parse import quote, unquote, urlsplit
 
 from meshtide_client.connection.secrecy import shown_address, without_secrets
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import OptionError
 
 _SECURE = {"http": False, "ws": False, "https": True, "wss": True}
@@ -152,6 +153,7 @@ def _quoted(mesh: str) -> str:
 
 def _split(url: str, example: str) -> tuple[ServerAddress, str]:
     """The server without prefix, and the path."""
+    check_type("an address", url, str)
     try:
         parts = urlsplit(url.strip())
         host, port = parts.hostname, parts.port

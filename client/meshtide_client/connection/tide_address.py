@@ -14,6 +14,7 @@ from urllib.request import url2pathname
 
 from meshtide_client.connection.address import MeshAddress, ServerAddress
 from meshtide_client.connection.secrecy import shown_address
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import OptionError
 
 SUFFIX = ".tide"
@@ -67,8 +68,10 @@ def parse_address(url: str) -> Address:
     """The mesh of a server, or the file, that `url` names.
 
     Raises:
+        TypeError: it is no text.
         OptionError: neither; the message shows good ones.
     """
+    check_type("an address", url, str)
     text = url.strip()
     scheme = text.partition(":")[0].lower() if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text) else ""
     if scheme == "s3":

@@ -204,7 +204,7 @@ class Attempts:
             if shortage is not None and str(shortage) not in str(error):
                 clauses.append(str(shortage))
         if header is not None or isinstance(error, TransferError):
-            clauses.append(self._holding.summary())
+            clauses.append(self._holding.summary(repeat=not isinstance(error, StreamError)))
         return _extended(error, "".join(f"; {clause}" for clause in clauses)) if clauses else error
 
     async def _pause(self, error: TransferError | ProtocolError) -> None:

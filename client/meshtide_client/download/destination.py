@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING
 from meshtide_client.connection.tide_address import TideAddress
 from meshtide_client.download.holding import Holding
 from meshtide_client.download.partial_file import PartialFile
-from meshtide_codec.errors import MeshFileError, OptionError
-from meshtide_codec.mesh_files.formats import SUFFIXES as MESH_SUFFIXES
+from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files.write import format_of
 from meshtide_codec.output_files import is_written_in_place
 from meshtide_codec.output_policy import check_apart, output_file, output_folder
+from meshtide_codec.packets import MAGIC
 from meshtide_codec.printable import shown
-from meshtide_codec.stream.container import MAGIC
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,9 +41,11 @@ class Destination:
         keep_levels: folder for the mesh of each level, or None.
         overwrite: whether files of meshes that are there already are replaced.
         kind: format of the output, in place of what its name tells; what is not a regular file is PLY without it.
+        resumable: whether a next fetch may go on where this one ends: not with a file of this machine, which it would
+            find as it is.
 
     Raises:
-        MeshFileError: the output's format is unknown.
+        OptionError: the output's format is unknown.
     """
 
     output: Path | None = None
@@ -52,23 +53,18 @@ class Destination:
     keep_levels: Path | None = None
     overwrite: bool = True
     kind: str | None = None
+    resumable: bool = True
 
     def __post_init__(self) -> None:
-        if self.output is not None and f".{self.format}" not in MESH_SUFFIXES:
-            reason = "its name must end with one of" if self.kind is None else f"{self.kind} is none of the formats"
-            raise MeshFileError(f"cannot write {self.output}: {reason} {_suffixes()}")
-
-    @property
-    def format(self) -> str:
-        """Of the output, such as ply."""
-        return "ply" if self.output is None else format_of(self.output, self.kind)
+        if self.output is not None:
+            format_of(self.output, self.kind)
 
     @property
     def partial_path(self) -> Path | None:
         """Where packets are kept while they arrive."""
         if self.stream_file is not None or self.output is None:
             return self.stream_file
-        if is_written_in_place(self.output):
+        if not self.resumable or is_written_in_place(self.output):
             return None
         return self.output.with_name(_partial_name(self.output.name))
 
@@ -94,12 +90,9 @@ class Destination:
             output_file(self.partial_path, read, overwrite=self.overwrite, own=_is_download)
         if self.keep_levels is not None:
             check_levels(self.keep_levels, address.file_stem, overwrite=self.overwrite)
-            self.keep_levels.mkdir(parents=True, exist_ok=True)
         files = [file for file in (self.output, self.stream_file) if file is not None and not is_written_in_place(file)]
-        folders = [self.keep_levels] + [file.parent for file in files]
-        for folder in folders:
-            if folder is not None:
-                _check_writable(folder)
+        for file in files:
+            _check_writable(file.parent)
 
     def check_output(self, *read: Path | str) -> None:
         """Make sure that the output may be written.
@@ -122,7 +115,14 @@ class Destination:
         if path is None:
             return Holding()
         own = self.stream_file is None
-        return PartialFile(path, limits=limits, notify=notify, disposable=own, keep=not own and not self.overwrite)
+        return PartialFile(
+            path,
+            limits=limits,
+            notify=notify,
+            disposable=own,
+            keep=not own and not self.overwrite,
+            resumable=self.resumable,
+        )
 
 
 def check_levels(folder: Path, stem: str, *, overwrite: bool) -> None:
@@ -159,7 +159,3 @@ def _check_writable(folder: Path) -> None:
             pass
     except OSError as error:
         raise OSError(error.errno, f"{error.strerror}; the download was not started", str(folder)) from error
-
-
-def _suffixes() -> str:
-    return ", ".join(sorted(MESH_SUFFIXES))

@@ -19,7 +19,9 @@ from meshtide_client.download.attempts import Attempts
 from meshtide_client.download.decoding_thread import DecodingThread
 from meshtide_client.download.levels import ReceivedLevel
 from meshtide_client.download.packet_filter import DirectReceiver
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import ContainerError, TransferError
+from meshtide_codec.limits import Limits
 from meshtide_codec.packets import LARGEST_LEVEL
 from meshtide_codec.stream.container import PREAMBLE_BYTES
 from meshtide_codec.stream.plain_values import LARGEST_INTEGER
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
     from meshtide_client.connection.tide_address import Address
     from meshtide_client.download.holding import Holding
     from meshtide_client.download.packet_filter import FilterReport, PacketFilter, Receiver
-    from meshtide_codec.limits import Limits
     from meshtide_codec.packets import Packet
     from meshtide_codec.stream.header import LevelEntry, StreamHeader
     from meshtide_codec.stream.session import Event
@@ -66,16 +67,21 @@ class Download:
         loss: PacketFilter | None = None,
     ) -> None:
         self.address = address
+        check_type("until", until, Until, type(None))
+        check_type("the link", link, Link, type(None))
+        check_type("limits", limits, Limits, type(None))
+        self._asked_level = until.level if until else None
         self._until = _sendable(until or Until())
         self._limits = limits
         self._holding = holding
         self._progress = progress or (lambda _size, _total: None)
+        self._notify = notify or (lambda _: None)
         self._attempts = Attempts(
             address,
             holding,
             until=self._until,
             link=link or Link(),
-            notify=notify or (lambda _: None),
+            notify=self._notify,
             limits=limits,
             transport=transport,
         )
@@ -155,6 +161,9 @@ class Download:
         """Decode a stream from its first packet on."""
         self._wanted = wanted
         self._nearest = math.inf
+        level, coarsest = self._asked_level, header.levels[0].level
+        if level is not None and level > coarsest:
+            self._notify(f"the stream has levels 0 to {coarsest}, and not {level}: the coarsest is fetched")
         self._settled.clear()
         if self._loss is None:
             self._receiver = DirectReceiver(header, self._limits)

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import aclosing
+from contextlib import aclosing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshtide_client.connection.tide_address import parse_address
+from meshtide_client.connection.tide_address import TideAddress, parse_address
 from meshtide_client.download.destination import Destination
 from meshtide_client.download.download import Download
 from meshtide_client.download.partial_file import PartialFile
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import save_mesh
-from meshtide_codec.output_files import orderly_termination
+from meshtide_codec.output_files import made_folder, orderly_termination
 from meshtide_codec.stream.container import PREAMBLE_BYTES
+from meshtide_codec.termination import Terminated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -110,12 +111,16 @@ def fetch(
         TransferError: there was no connection, or it was lost too often; the message says what is kept.
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
         StreamError: the stream is damaged or over the limits.
-        MeshFileError, OSError: a file cannot be written.
+        MissingLibraryError, MeshFileError, OSError: a file cannot be written.
     """
     address = parse_address(url)
-    destination = Destination(_path(output), _path(stream_file), _path(keep_levels), overwrite, kind)
+    local = isinstance(address, TideAddress) and address.kind == "local"
+    destination = Destination(
+        _path(output), _path(stream_file), _path(keep_levels), overwrite, kind, resumable=not local
+    )
     destination.prepare(address)
     holding = destination.open(limits, notify)
+    levels = nullcontext() if destination.keep_levels is None else made_folder(destination.keep_levels)
     try:
         destination.check_output()  # another fetch may have finished since
         download = Download(
@@ -129,12 +134,13 @@ def fetch(
             transport=transport,
             loss=loss,
         )
-        result = _run(lambda: _fetched(download, destination, on_level))
+        with levels:
+            result = _run(lambda: _fetched(download, destination, on_level))
         if destination.output is not None:
-            save_mesh(result.mesh, destination.output, kind=destination.format, replace=overwrite)
+            save_mesh(result.mesh, destination.output, kind=kind, replace=overwrite)
         if isinstance(holding, PartialFile) and destination.stream_file is None:
             holding.discard()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Terminated):
         if notify is not None and holding.header is not None:
             notify(holding.summary())
         raise

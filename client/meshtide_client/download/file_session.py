@@ -124,6 +124,8 @@ class FileSession:
         self.check()
         if self.finished:
             return
+        if size == 0:
+            raise TruncatedError("the file is empty; nothing can be decoded")
         if self.header is None:
             raise TruncatedError(f"the file ends after {size} bytes, inside its header; nothing can be decoded")
         entry = self.header.packets[self._index]

@@ -63,8 +63,12 @@ class Holding:
     def close(self) -> None:
         """Nothing is open."""
 
-    def summary(self) -> str:
-        """One clause that says what is held, for messages."""
+    def summary(self, *, repeat: bool = True) -> str:  # noqa: ARG002 - for holdings that outlive the process
+        """One clause that says what is held, for messages.
+
+        Args:
+            repeat: whether the same request has a chance of getting further.
+        """
         row = self.state
         if row is None:
             return "no level is complete yet"

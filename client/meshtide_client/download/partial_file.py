@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, BinaryIO
 from meshtide_client.download.holding import Holding
 from meshtide_codec.errors import OptionError, StreamError, TransferError, TruncatedError
 from meshtide_codec.output_policy import REMEDY
+from meshtide_codec.packets import MAGIC
 from meshtide_codec.printable import shown
-from meshtide_codec.stream.container import MAGIC, ContainerReader, preamble
+from meshtide_codec.stream.container import ContainerReader, preamble
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -41,6 +42,7 @@ class PartialFile(Holding):
         disposable: whether the file is this program's own, so that it may be overwritten when the server's stream
             has changed; a file that a person named is renamed instead.
         keep: whether a file that holds another stream, or none, is left as it is, which is an error.
+        resumable: whether the same request has a chance of getting further another time.
 
     Raises:
         OptionError: the file is to be kept, and no download.
@@ -56,11 +58,13 @@ class PartialFile(Holding):
         notify: Callable[[str], None] | None = None,
         disposable: bool = False,
         keep: bool = False,
+        resumable: bool = True,
     ) -> None:
         super().__init__()
         self.path = path
         self._notify = notify or (lambda _: None)
         self._disposable = disposable
+        self._resumable = resumable
         self._keep = keep
         """Whether what the file held when it was opened has to stay; until something of this download is in it."""
         self._stored: Sequence[Packet] = ()
@@ -122,11 +126,12 @@ class PartialFile(Holding):
             self._file.close()
             self.path.unlink(missing_ok=True)
 
-    def summary(self) -> str:
+    def summary(self, *, repeat: bool = True) -> str:
         """One clause that says what is held and where."""
         if self.header is None:
-            return super().summary()
-        return f"{super().summary()}; what has arrived is kept in {self.path}, and the same request goes on from there"
+            return super().summary(repeat=repeat)
+        kept = f"{super().summary()}; what has arrived is kept in {self.path}"
+        return f"{kept}, and the same request goes on from there" if self._resumable and repeat else kept
 
     def _open(self) -> BinaryIO:
         for _ in range(_MOST_ATTEMPTS):

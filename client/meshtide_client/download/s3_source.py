@@ -10,14 +10,14 @@ from __future__ import annotations
 import os
 from contextlib import asynccontextmanager, contextmanager
 from datetime import timedelta
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from meshtide_client.connection.tide_address import SUFFIX
 from meshtide_client.connection.tls import named_authorities
 from meshtide_client.download.byte_source import Reading
-from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
+from meshtide_codec.errors import PeerError, ProtocolError, TransferError
+from meshtide_codec.extras import extra
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Sequence
@@ -35,7 +35,7 @@ class S3Source:
         ca_file: of authorities that vouch for the store, besides those of the machine.
 
     Raises:
-        OptionError: the extra is not installed.
+        MissingLibraryError: the library for S3 is not installed.
     """
 
     name = "s3"
@@ -97,7 +97,7 @@ def list_files(url: str, timeout: float, ca_file: Path | str | None = None) -> S
     """The URLs of all `.tide` files below `url`, such as ``s3://bucket/scans``, in order.
 
     Raises:
-        OptionError: the extra is not installed.
+        MissingLibraryError: the library for S3 is not installed.
         TransferError: the bucket cannot be read.
     """
     parts = urlsplit(url)
@@ -112,11 +112,7 @@ def list_files(url: str, timeout: float, ca_file: Path | str | None = None) -> S
 
 def _open(bucket: str, timeout: float, ca_file: Path | str | None) -> tuple[Any, Any]:
     """The module obstore and a store for the bucket."""
-    try:
-        obstore: Any = import_module("obstore")  # an extra; without it there are no types either
-        stores: Any = import_module("obstore.store")
-    except ImportError as error:
-        raise OptionError("reading s3:// takes the extra s3: pip install 'meshtide[s3]'") from error
+    obstore, stores = extra("obstore", "s3"), extra("obstore.store", "s3")
     settings: dict[str, Any] = {}
     options: dict[str, Any] = {"timeout": timedelta(seconds=timeout)}
     if (authorities := named_authorities(ca_file)) is not None:

@@ -17,7 +17,7 @@ import json
 import os
 import re
 import unicodedata
-from contextlib import aclosing, closing
+from contextlib import ExitStack, aclosing, closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -35,7 +35,7 @@ from meshtide_codec.errors import ContainerError, MeshtideError, OptionError
 from meshtide_codec.file_suffix import split_name
 from meshtide_codec.json_text import json_text
 from meshtide_codec.mesh_files import is_mesh_path
-from meshtide_codec.output_files import move_into_place
+from meshtide_codec.output_files import made_folder, move_into_place
 from meshtide_codec.output_policy import check_different, output_file, output_folder
 from meshtide_codec.printable import listed_name, shown
 from meshtide_codec.stream import plain_values
@@ -119,7 +119,6 @@ async def export_static(
         collection / STATIC_INDEX, overwrite=overwrite, own=lambda _: earlier is not None, new_folder=True
     )
     targets = [_target(collection, item, listed.get(item.identifier), overwrite=overwrite) for item in found]
-    collection.mkdir(parents=True, exist_ok=True)
     failed: list[FailedExport] = []
 
     def tell_failure(place: str, error: MeshtideError | OSError) -> None:
@@ -129,11 +128,11 @@ async def export_static(
     for item, target in zip(found, targets, strict=True):
         place = shown_address(item.place) if "://" in item.place else item.place
         try:
-            target.path.parent.mkdir(parents=True, exist_ok=True)
-            if is_mesh_path(item.place):
-                target.write(_encoded(Path(item.place), options, notify))
-            else:
-                await _copy(item.place, target, link, limits, notify)
+            with made_folder(target.path.parent):
+                if is_mesh_path(item.place):
+                    target.write(_encoded(Path(item.place), options, notify))
+                else:
+                    await _copy(item.place, target, link, limits, notify)
             size = target.path.stat().st_size
         except (MeshtideError, OSError) as error:
             tell_failure(place, error)
@@ -150,7 +149,8 @@ async def export_static(
             tell_failure(str(path), error)
     rows = [asdict(mesh) | {ORIGIN: listed[mesh.id].origin if mesh.id in listed else None} for mesh in meshes]
     text = json_text(rows, indent=1)
-    index.write(text.encode())
+    if rows or earlier is not None:
+        index.write(text.encode())
     return Export(tuple(meshes), tuple(failed))
 
 
@@ -263,12 +263,17 @@ async def _copy(url: str, target: OutputFile, link: Link, limits: Limits | None,
     """Read the whole stream at `url` into `target`, which appears only when all of it is there."""
     real = target.real_path
     partial = real.with_name(f".{real.name}.part")
-    with closing(PartialFile(partial, limits=limits, notify=notify, disposable=True)) as holding:
+    with (
+        closing(PartialFile(partial, limits=limits, notify=notify, disposable=True)) as holding,
+        ExitStack() as failure,
+    ):
+        failure.callback(holding.discard)
         attempts = Attempts(parse_address(url), holding, until=Until(), link=link, notify=notify, limits=limits)
         async with aclosing(attempts):
             while await attempts.next_events() is not None:
                 pass  # packets are in the file by now
         move_into_place(partial, real, replace=target.replace)  # while no other export can write it
+        failure.pop_all()
 
 
 def _row(path: Path, identifier: str, limits: Limits | None, listed: _Listed | None) -> ListedMesh:

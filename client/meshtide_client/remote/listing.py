@@ -12,6 +12,7 @@ from meshtide_client.connection.address import ServerAddress
 from meshtide_client.connection.credentials import find_token
 from meshtide_client.connection.secrecy import without_secrets
 from meshtide_client.remote.web_client import Answer, WebClient, refusal
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import OptionError, PeerError, ProtocolError, TransferError
 from meshtide_codec.stream import plain_values
 from meshtide_codec.stream.mesh_query import MeshQuery
@@ -115,6 +116,7 @@ def list_meshes(
         TransferError: there is no connection within `timeout` seconds, or it was lost.
         ProtocolError, PeerError: what answers is not a meshtide server, or it refused.
     """
+    check_type("the search", search, MeshQuery, type(None))
     server = ServerAddress.parse(url)
     with WebClient(server, timeout=timeout, token=token or find_token(), ca_file=ca_file) as client:
         return _all_pages(client, server, (search or MeshQuery()).parameters(), limit, progress)

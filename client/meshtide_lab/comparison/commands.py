@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from meshtide_codec.printable import encodable, printable, shown
-from meshtide_codec.shared_options import JsonOption, OverwriteOption
+from meshtide_codec.shared_options import JsonOption, OverwriteOption, bits_option, effort_option, profile_option
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -23,22 +23,20 @@ def register(app: typer.Typer) -> None:
 
 def compare(
     meshes: Annotated[list[Path], typer.Argument(help="Mesh files, or folders of them.")],
-    bits: Annotated[
-        list[int] | None,
-        typer.Option("-B", "--bits", help="Bits per coordinate; may be repeated.", show_default="12"),
-    ] = None,
-    profile: Annotated[str, typer.Option(help="compact or classic.")] = "compact",
-    effort: Annotated[str | None, typer.Option(help="compact: default or high.", show_default=False)] = None,
+    bits: Annotated[list[int] | None, bits_option("12")] = None,
+    profile: Annotated[str, profile_option()] = "compact",
+    effort: Annotated[str | None, effort_option()] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for CSV and JSON files and a plot of each mesh.")
+        Path | None, typer.Option("-o", "--output", help="Folder for CSV and JSON files, and a plot of each mesh.")
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare meshtide with Draco, and with the ladder of simplified Draco files that shows a mesh coarse to fine.
+    """Compare meshtide with Draco, and with a series of simplified Draco files that show a mesh coarse to fine.
 
-    Whole files are compared without previews, which no other file has; what previews add is told beside it. Distances
-    are from the quantized input, and the bytes for one are those of the first state within it: nothing is interpolated.
+    Whole files are compared without previews, which Draco does not have; what previews add is listed separately.
+    Distances are measured from the quantized input. The bytes for a distance are those of the first state within it;
+    nothing is interpolated. Repeat --bits to compare several.
 
     Example: meshtide compare scans/ --bits 10 --bits 12 --bits 14 --output comparison
     """
@@ -67,7 +65,7 @@ def compare(
                 comparisons += [compare_mesh(f"{name}", mesh, each, progress) for each in options]
             except MeshError as error:
                 refused[name] = str(error)
-    if files is not None:
+    if files is not None and comparisons:
         files.write(comparisons)
     _show(comparisons, refused, as_json=as_json)
     if not comparisons:
@@ -122,26 +120,28 @@ class _Files:
         check_different((path.stem, path) for path in paths.values())
         names = [*(f"{name}.csv" for name in self.TABLES), "comparison.json"]
         names += [f"{name}-{each}.png" for name in paths for each in dict.fromkeys(bits)]
-        files = {name: folder / name for name in names}
-        self._files = {
-            name: output_file(path, paths.values(), overwrite=overwrite, new_folder=True)
-            for name, path in files.items()
-        }
-        folder.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            output_file(folder / name, paths.values(), overwrite=overwrite, new_folder=True)
+        self._overwrite = overwrite
+        self._folder = folder
 
     def write(self, comparisons: Sequence[MeshComparison]) -> None:
-        """Write all of them."""
+        """Write all of them, or none."""
         from meshtide_codec.json_text import json_text
+        from meshtide_codec.output_files import made_folder, write_together
         from meshtide_lab.comparison import plots, tables
 
+        contents: dict[str, bytes] = {}
         rows = (tables.size_rows(comparisons), tables.target_rows(comparisons), tables.state_rows(comparisons))
         for name, found in zip(self.TABLES, rows, strict=True):
-            self._files[f"{name}.csv"].write(encodable(tables.csv_text(found)).encode())
-        self._files["comparison.json"].write(json_text(tables.plain_comparison(comparisons), indent=1).encode())
+            contents[f"{name}.csv"] = encodable(tables.csv_text(found)).encode()
+        contents["comparison.json"] = json_text(tables.plain_comparison(comparisons), indent=1).encode()
         for item in comparisons:
             title = f"{shown(item.name)}: {item.vertices} vertices, B = {item.bits}"
             size = None if item.draco is None else item.draco.size
-            self._files[f"{item.name}-{item.bits}.png"].write(plots.comparison_plot(title, item.curves, size))
+            contents[f"{item.name}-{item.bits}.png"] = plots.comparison_plot(title, item.curves, size)
+        with made_folder(self._folder):
+            write_together([(self._folder / name, data) for name, data in contents.items()], replace=self._overwrite)
 
 
 def _show(comparisons: Sequence[MeshComparison], refused: dict[str, str], *, as_json: bool) -> None:

@@ -25,7 +25,7 @@ def draco_encoded(vertices: NDArray[np.float64], faces: NDArray[np.integer], bit
 
     Raises:
         MeshError: Draco cannot take the mesh.
-        MeshtideError: DracoPy is not installed.
+        MissingLibraryError: DracoPy is not installed.
     """
     library = extra(LIBRARY)
     indices = np.asarray(faces, np.uint32) if len(faces) else None
@@ -41,7 +41,7 @@ def draco_decoded(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
     Raises:
         MeshError: Draco cannot read it.
-        MeshtideError: DracoPy is not installed.
+        MissingLibraryError: DracoPy is not installed.
     """
     library = extra(LIBRARY)
     try:

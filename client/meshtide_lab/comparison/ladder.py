@@ -49,7 +49,7 @@ class LadderLevels:
 
     Raises:
         MeshError: Draco cannot take a level.
-        MeshtideError: a library is not installed.
+        MissingLibraryError: a library is not installed.
     """
 
     def __init__(self, quantized: QuantizedMesh, meter: DistortionMeter) -> None:

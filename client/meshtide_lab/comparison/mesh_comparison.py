@@ -115,7 +115,7 @@ def compare_mesh(
 
     Raises:
         MeshError: meshtide cannot take the mesh; that a peer cannot is noted in the result.
-        MeshtideError: a library of the extra `bench` is missing.
+        MissingLibraryError: a library of the extra `bench` is missing.
     """
     report = progress or (lambda _stage, _fraction: None)
     report(f"{name}, meshtide", 0.0)

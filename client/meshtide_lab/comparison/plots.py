@@ -28,7 +28,7 @@ def comparison_plot(title: str, curves: Mapping[str, Sequence[StreamState]], dra
         A PNG file.
 
     Raises:
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
     """
     figure = extra(FIGURE).Figure(figsize=(12, 5), layout="constrained")
     figure.suptitle(title, parse_math=False)

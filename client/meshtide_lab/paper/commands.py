@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from meshtide_codec.printable import printable, shown
-from meshtide_codec.shared_options import OverwriteOption
+from meshtide_codec.shared_options import (
+    JsonOption,
+    OverwriteOption,
+    ProcessesOption,
+    bits_option,
+    coarsest_vertices_option,
+    drop_bits_option,
+    minimum_ratio_option,
+)
 
 if TYPE_CHECKING:
     from meshtide_lab.paper.run import PaperResults
@@ -28,20 +36,18 @@ def paper(
         ),
     ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the report.")] = Path("paper-report"),
-    bits: Annotated[int, typer.Option("-B", "--bits", help="Quantization bits per coordinate, 4 to 20.")] = 10,
-    drop_bits: Annotated[int, typer.Option("-K", "--drop-bits", help="Bits per coordinate that a level drops.")] = 1,
-    minimum_ratio: Annotated[float, typer.Option(help="Skip levels that collapse less.")] = 1.5,
-    coarsest_vertices: Annotated[int, typer.Option(help="Stop at a level so small.")] = 300,
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="How many share the work.", show_default="one a processor")
-    ] = None,
+    bits: Annotated[int, bits_option()] = 10,
+    drop_bits: Annotated[int, drop_bits_option()] = 1,
+    minimum_ratio: Annotated[float, minimum_ratio_option()] = 1.5,
+    coarsest_vertices: Annotated[int, coarsest_vertices_option()] = 300,
+    processes: ProcessesOption = None,
     overwrite: OverwriteOption = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print all figures as one JSON object.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Run section 5 of the paper again: rates by filter and degree, errors, norms, pictures, and a report of them.
+    """Reproduce section 5 of the paper: rates by filter and degree, errors, norms, pictures, and a report.
 
-    The paper's sphere is built in, and its published figures stand beside those found. For the paper's other meshes,
-    which are not public, two of like kind are made by rule; any mesh file can be added.
+    The paper's sphere is built in; its published figures appear next to those measured. The paper's other meshes are
+    not public, so two similar ones are generated instead; you can add any mesh file.
 
     Example: meshtide paper sphere fandisk.obj -o report
     """

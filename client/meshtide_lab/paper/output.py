@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.errors import OptionError
 from meshtide_codec.json_text import json_text
-from meshtide_codec.output_files import write_atomically
+from meshtide_codec.output_files import made_folder, write_together
 from meshtide_codec.output_policy import output_folder
 from meshtide_codec.printable import encodable, shown
 from meshtide_lab.paper import pictures, plots, tables
@@ -24,17 +24,16 @@ REPORT = "report.html"
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:
-    """Make the folder; one that holds something is left alone, unless files in it may be replaced.
+    """Make sure that a report may be written into a folder: one that holds something is left alone without a word.
 
     Raises:
         OptionError: the folder holds something.
-        OSError: it cannot be made.
+        OSError: nothing can be written there.
     """
     output_folder(folder)
     if not overwrite and folder.exists() and any(folder.iterdir()):
         what = "a report" if (folder / RESULTS).exists() else "files of something else"
         raise OptionError(f"{shown(folder)} holds {what}; name a new folder, or add --overwrite")
-    folder.mkdir(parents=True, exist_ok=True)
 
 
 def plain_results(results: PaperResults) -> dict[str, Any]:
@@ -54,15 +53,15 @@ def plain_results(results: PaperResults) -> dict[str, Any]:
 def write_report(
     results: PaperResults, folder: Path, progress: Callable[[str, float], None] | None = None
 ) -> list[Path]:
-    """Write everything; returns the files, the report first.
+    """Write all files, or none; returns them, the report first.
 
     Raises:
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
         OSError: a file cannot be written.
     """
     report = progress or (lambda _stage, _fraction: None)
     drawn: dict[str, dict[str, bytes]] = {}
-    files: list[Path] = [folder / REPORT]
+    files: dict[Path, bytes] = {folder / REPORT: b""}  # the first of them, though it is made last
     for done, mesh in enumerate(results.meshes):
         report(f"pictures of {mesh.name}", done / len(results.meshes))
         drawn[mesh.name] = {
@@ -73,16 +72,15 @@ def write_report(
             "rates": plots.rate_plot(mesh),
         }
         for kind, picture in drawn[mesh.name].items():
-            files.append(folder / f"{mesh.name}-{kind}.png")
-            write_atomically(files[-1], picture)
+            files[folder / f"{mesh.name}-{kind}.png"] = picture
     for name, rows in _row_sets(results).items():
-        files.append(folder / f"{name}.csv")
-        write_atomically(files[-1], encodable(tables.csv_text(rows)).encode())
-    files.append(folder / RESULTS)
-    write_atomically(files[-1], json_text(plain_results(results), indent=1).encode())
-    write_atomically(files[0], encodable(report_page(results, drawn)).encode())
+        files[folder / f"{name}.csv"] = encodable(tables.csv_text(rows)).encode()
+    files[folder / RESULTS] = json_text(plain_results(results), indent=1).encode()
+    files[folder / REPORT] = encodable(report_page(results, drawn)).encode()
+    with made_folder(folder):
+        write_together(files.items())
     report("written", 1.0)
-    return files
+    return list(files)
 
 
 def _row_sets(results: PaperResults) -> dict[str, list[tables.Row]]:

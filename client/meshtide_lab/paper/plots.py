@@ -36,7 +36,7 @@ def histogram_plot(mesh: MeshResult) -> bytes:
     """Four histograms of the single resolution's Diffs, all coordinates together, as a PNG file.
 
     Raises:
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
     """
     figure = extra(FIGURE, EXTRA).Figure(figsize=(11, 7.5), layout="constrained")
     title = f"{shown(mesh.name)}: Diffs of the single resolution scheme and fitted power law"
@@ -63,7 +63,7 @@ def rate_plot(mesh: MeshResult) -> bytes:
     """Rates by degree in both schemes, with those of zeroth order and Gaussian filters as lines, as a PNG file.
 
     Raises:
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
     """
     figure = extra(FIGURE, EXTRA).Figure(figsize=(11, 4.3), layout="constrained")
     degrees = [int(name.removeprefix("degree ")) for name in mesh.filters if name.startswith("degree ")]

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from meshtide_codec.printable import printable, shown
-from meshtide_codec.shared_options import OverwriteOption
+from meshtide_codec.shared_options import JsonOption, OverwriteOption, ProcessesOption, UnprotectedOption, bits_option
 
 
 def register(app: typer.Typer) -> None:
@@ -26,8 +26,8 @@ def simulate(
             help="A link, such as 'gilbert:loss=0.05,burst=10 + deadline:seconds=2', or none; may be repeated."
         ),
     ] = None,
-    seeds: Annotated[int, typer.Option(help="How many seeds.")] = 20,
-    first_seed: Annotated[int, typer.Option(min=0, help="The first of them.")] = 0,
+    seeds: Annotated[int, typer.Option(help="Number of seeds.")] = 20,
+    first_seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 0,
     profile: Annotated[
         list[str] | None, typer.Option(help="classic or compact; may be repeated.", show_default="classic")
     ] = None,
@@ -39,32 +39,33 @@ def simulate(
     ] = None,
     norm: Annotated[
         list[str] | None,
-        typer.Option(help="classic: p of fitted filters' norm, 1 to 2 or inf; may be repeated.", show_default="2"),
+        typer.Option(
+            help="classic: p of the norm that fitted filters minimise: 1 to 2, or inf; may be repeated.",
+            show_default="2",
+        ),
     ] = None,
     variable_from: Annotated[
         list[int] | None,
-        typer.Option("-S", help="classic: S of the variable length algorithm, 0 for the basic one; may be repeated."),
+        typer.Option(
+            "-S", help="classic: S of the variable-length algorithm, or 0 for the basic one; may be repeated."
+        ),
     ] = None,
     slices: Annotated[
-        list[int] | None, typer.Option(help="compact: parts of each Diff; may be repeated.", show_default="1")
+        list[int] | None, typer.Option(help="compact: Number of parts of each Diff; may be repeated.", show_default="1")
     ] = None,
-    bits: Annotated[int, typer.Option("-B", "--bits", help="Quantization bits per coordinate, 4 to 20.")] = 12,
-    unprotected: Annotated[
-        str, typer.Option(help="What links may lose besides Diffs: base,map-conn,param,preview, or all.")
-    ] = "",
+    bits: Annotated[int, bits_option()] = 12,
+    unprotected: UnprotectedOption = "",
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path("simulation"),
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="How many share the work.", show_default="one a processor")
-    ] = None,
-    parquet: Annotated[bool, typer.Option(help="Write tables as Parquet too; needs pyarrow.")] = True,
+    processes: ProcessesOption = None,
+    parquet: Annotated[bool, typer.Option(help="Also write the tables as Parquet; needs pyarrow.")] = True,
     draw: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw plots; needs matplotlib.")] = True,
     overwrite: OverwriteOption = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as one JSON object.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Send meshes over lossy links, many times, and tell what is left of them.
+    """Send meshes over lossy links, many times, and measure what is left of them.
 
-    Every mesh is encoded in every variant, and sent over every link with every seed. An interrupted sweep goes on when
-    the same command is repeated. The same sweep gives the same files, whatever the number of processes.
+    Every mesh is encoded in every variant, and sent over every link with every seed. To continue an interrupted sweep,
+    run the same command again. The same sweep gives the same files, whatever the number of processes.
 
     Example: meshtide simulate spot --loss none --loss gilbert:loss=0.1,burst=10 --profile classic --profile compact
     """

@@ -7,7 +7,7 @@ import io
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.extras import extra
-from meshtide_codec.output_files import write_atomically
+from meshtide_codec.output_files import write_together
 from meshtide_codec.printable import encodable, shown
 from meshtide_lab.simulation import plots
 from meshtide_lab.simulation.summary import summarize
@@ -34,7 +34,7 @@ def write_results(results: SweepResults, folder: Path, *, parquet: bool = True, 
         draw: whether plots are drawn.
 
     Raises:
-        MeshtideError: a library of the extra `lab` is missing.
+        MissingLibraryError: a library of the extra `lab` is missing.
         OSError: a file cannot be written.
     """
     summary = summarize(results.runs)
@@ -53,8 +53,7 @@ def write_results(results: SweepResults, folder: Path, *, parquet: bool = True, 
     if draw and summary:
         files[folder / "loss-distortion.png"] = plots.loss_distortion_plot(summary)
         files[folder / "rate-distortion.png"] = plots.rate_distortion_plot(results.levels)
-    for path, data in files.items():
-        write_atomically(path, data)
+    write_together(files.items())
     return list(files)
 
 
@@ -76,7 +75,7 @@ def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
     """The same table as a Parquet file.
 
     Raises:
-        MeshtideError: pyarrow is not installed.
+        MissingLibraryError: pyarrow is not installed.
     """
     arrow, parquet = (extra(module, EXTRA) for module in PARQUET)
     file = io.BytesIO()

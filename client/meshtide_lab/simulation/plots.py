@@ -43,7 +43,7 @@ def loss_distortion_plot(summary: Sequence[Mapping[str, Any]]) -> bytes:
     model of random loss, else the measured share of lost Diffs.
 
     Raises:
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
     """
     meshes = grouped(summary, ["mesh"])
     figure = extra(FIGURE, EXTRA).Figure(figsize=(13, 0.6 + 5 * len(meshes)), layout="constrained")
@@ -71,7 +71,7 @@ def rate_distortion_plot(levels: Sequence[Mapping[str, Any]]) -> bytes:
     """RMS distance of each level over the bytes up to it, a line for each stream and link, as a PNG file.
 
     Raises:
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
     """
     meshes = grouped(levels, ["mesh"])
     figure = extra(FIGURE, EXTRA).Figure(figsize=(13, 0.6 + 5 * len(meshes)), layout="constrained")

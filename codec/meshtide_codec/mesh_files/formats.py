@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
 
+from meshtide_codec.packets import MAGIC
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -76,6 +78,7 @@ def _member(suffix: str, verb: str) -> object:
 
 
 _MAGICS = (
+    (MAGIC, "a .tide stream, which is encoded already; meshtide decode makes a mesh of it"),
     (b"PK\x03\x04", "a zip archive"),
     (b"PK\x05\x06", "a zip archive"),
     (b"\x1f\x8b", "a gzip archive"),

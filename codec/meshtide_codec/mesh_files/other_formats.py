@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshtide_codec.errors import MeshFileError
+from meshtide_codec.errors import MeshFileError, MissingLibraryError
 from meshtide_codec.mesh import Mesh
 from meshtide_codec.mesh_files.formats import SUFFIXES
 from meshtide_codec.mesh_files.source import largest_expansion
@@ -33,7 +33,9 @@ _READ = {
     "stp": "cascadio",
 }
 """The packages that trimesh needs for each format."""
-_WRITTEN = ("3mf", "dae")
+_NO_EXTRA = "cascadio"
+"""The package that is in no extra of meshtide: it is large."""
+WRITTEN = ("3mf", "dae")
 
 
 def read_other(source: Source, limits: FileLimits) -> Scene:
@@ -46,9 +48,9 @@ def read_other(source: Source, limits: FileLimits) -> Scene:
 
     kind = source.suffix.lstrip(".")
     if kind not in _READ:
-        raise MeshFileError(f"nothing is known about files named *{source.suffix}; {_list('read', _READ)}")
+        raise MeshFileError(f"nothing is known about files named *{source.suffix}; {_known()}")
     if kind not in trimesh.available_formats():
-        raise MeshFileError(f"files named *{source.suffix} need a library: pip install {_READ[kind]}")
+        raise MeshFileError(f"files named *{source.suffix} need a library: {_remedy(kind)}")
     data = source.data
     _check_archive(data, limits)
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its warnings come back below as one error
@@ -71,15 +73,13 @@ def read_other(source: Source, limits: FileLimits) -> Scene:
 
 
 def write_other(scene: Scene, kind: str) -> bytes:
-    """The scene's mesh in a format that trimesh writes into one file.
+    """The scene's mesh in one of the formats `WRITTEN`, which trimesh writes into one file.
 
     Raises:
-        MeshFileError: the format is unknown, or lacks a library.
+        MissingLibraryError: the format takes a library that is not installed.
     """
     import trimesh  # noqa: PLC0415 - heavy
 
-    if kind not in _WRITTEN:
-        raise MeshFileError(f"nothing is known about files named *.{kind}; {_list('written', _WRITTEN)}")
     mesh = scene.mesh()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -87,13 +87,17 @@ def write_other(scene: Scene, kind: str) -> bytes:
             plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
             data = plain.export(file_type=kind)
     except (KeyError, ValueError, ImportError) as error:
-        raise MeshFileError(f"files named *.{kind} need a library: pip install {_READ[kind]}") from error
+        raise MissingLibraryError(f"files named *.{kind} need a library: {_remedy(kind)}") from error
     return data.encode() if isinstance(data, str) else bytes(data)
 
 
-def _list(verb: str, others: tuple[str, ...] | dict[str, str]) -> str:
+def _remedy(kind: str) -> str:
+    return f"pip install {_READ[kind]}" if _READ[kind] == _NO_EXTRA else "pip install 'meshtide[formats]'"
+
+
+def _known() -> str:
     own = ", ".join(suffix.lstrip(".") for suffix in SUFFIXES)
-    return f"{verb} are {own}, and with a library more each {', '.join(others)}"
+    return f"{own} can be read, and with one more library each {', '.join(_READ)}"
 
 
 def _check_archive(data: bytes, limits: FileLimits) -> None:

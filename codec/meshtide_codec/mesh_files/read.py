@@ -91,6 +91,8 @@ def read_source(source: Source, limits: FileLimits) -> Scene:
         MeshError: see `load_scene`; the message does not name the file.
     """
     found = content_kind(bytes(source.view[:64]))
+    if not source.view:
+        raise MeshFileError("it is empty")
     if not source.suffix and found in SUFFIXES:
         source = replace(source, suffix=found)
     if found is not None and found != source.suffix and source.suffix in ("", *SUFFIXES):  # others may be archives

@@ -5,27 +5,25 @@ from __future__ import annotations
 import gzip
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from meshtide_codec.argument_types import check_type
 from meshtide_codec.errors import MeshFileError, OptionError
 from meshtide_codec.file_suffix import GZIP_SUFFIX
-from meshtide_codec.mesh_files.formats import Written, writer_of
+from meshtide_codec.mesh import Mesh
+from meshtide_codec.mesh_files.formats import SUFFIXES, Written, writer_of
 from meshtide_codec.mesh_files.not_kept import not_kept
-from meshtide_codec.mesh_files.other_formats import write_other
+from meshtide_codec.mesh_files.other_formats import WRITTEN, write_other
 from meshtide_codec.mesh_files.source import format_suffix
 from meshtide_codec.output_files import (
     STANDARD_OUTPUT,
     is_standard_output,
     is_written_in_place,
-    write_atomically,
     write_output,
+    write_together,
 )
 from meshtide_codec.output_policy import REMEDY
 from meshtide_codec.printable import shown
 from meshtide_codec.scene import Scene
-
-if TYPE_CHECKING:
-    from meshtide_codec.mesh import Mesh
 
 
 def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, replace: bool = True) -> tuple[str, ...]:
@@ -43,12 +41,15 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
         What the format cannot hold, a line each.
 
     Raises:
-        MeshFileError: the format is unknown, or needs files of their own beside standard output.
-        OptionError: a file that the format keeps beside it is there already, and may not be replaced.
+        MeshFileError: the format cannot hold the scene, or needs files of their own beside standard output.
+        MissingLibraryError: the format takes a library that is not installed.
+        OptionError: the format is unknown, or a file that it keeps beside this one is there already, and may not be
+            replaced.
         OSError: a file cannot be written, or is there and may not be replaced; nothing is left behind of it.
     """
+    check_type("the scene", scene, Scene, remedy="save_mesh writes a mesh")
     path = Path(path)
-    suffix = _suffix(path, kind)
+    suffix = f".{format_of(path, kind)}"
     writer = writer_of(suffix)
     packed = path.suffix.lower() == GZIP_SUFFIX
     try:
@@ -65,10 +66,12 @@ def save_scene(scene: Scene, path: Path | str, *, kind: str | None = None, repla
     there = [name for name in written.companions if not replace and os.path.lexists(path.parent / name)]
     if there:
         raise OptionError(f"{shown(path.parent / there[0])} is there already; {REMEDY}")
-    for name, data in written.companions.items():
-        write_atomically(path.parent / name, data, replace=replace)
     data = gzip.compress(written.data, mtime=0) if packed else written.data  # without the time: always the same
-    write_output(path, data, replace=replace)
+    if str(path) == STANDARD_OUTPUT:
+        write_output(path, data)
+    else:
+        companions = [(path.parent / name, companion) for name, companion in written.companions.items()]
+        write_together([*companions, (path, data)], replace=replace)
     return written.notes
 
 
@@ -76,32 +79,36 @@ def save_mesh(mesh: Mesh, path: Path | str, *, kind: str | None = None, replace:
     """Write a mesh to a file whose name, or `kind`, gives the format; see `save_scene`.
 
     Raises:
-        MeshFileError: the format is unknown.
+        MeshFileError: the format cannot hold the mesh.
+        OptionError: the format is unknown, or takes a library that is not installed.
         OSError: the file cannot be written, or is there and may not be replaced; nothing is left behind.
     """
+    check_type("the mesh", mesh, Mesh, remedy="Mesh.checked makes one of arrays, save_scene writes a scene")
     save_scene(Scene.of(mesh), path, kind=kind, replace=replace)
 
 
 def format_of(path: Path, kind: str | None = None) -> str:
     """The format of a mesh file that is to be written, so that it is known before any work.
 
+    Every command and every function that writes meshes asks here.
+
     Args:
         path: its name; what is not a regular file is a PLY file unless its name says something else.
         kind: the format, in place of what the name says.
 
     Raises:
-        MeshFileError: neither gives it.
+        OptionError: neither tells a format that can be written.
 
     >>> format_of(Path("a.OBJ")), format_of(Path("a.obj"), "off"), format_of(Path("-"))
     ('obj', 'off', 'ply')
     """
-    suffix = _suffix(path, kind).lstrip(".")
+    suffix = format_suffix(path.name) if kind is None else f".{kind.lstrip('.').lower()}"
     if not suffix and (is_standard_output(path) or is_written_in_place(path)):
         return "ply"
-    if not suffix:
-        raise MeshFileError(f"cannot write {path}: its name has no ending that gives the format, such as .ply")
-    return suffix
-
-
-def _suffix(path: Path, kind: str | None) -> str:
-    return format_suffix(path.name) if kind is None else f".{kind.lstrip('.').lower()}"
+    written = [*SUFFIXES, *(f".{other}" for other in WRITTEN)]
+    if suffix in written:
+        return suffix.lstrip(".")
+    if kind is not None:
+        formats = ", ".join(each.lstrip(".") for each in written)
+        raise OptionError(f"cannot write {shown(path)}: {shown(kind)} is none of the formats {formats}")
+    raise OptionError(f"cannot write {shown(path)}: its name must end with one of {', '.join(written)}")

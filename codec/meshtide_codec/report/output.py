@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import typer
 
 from meshtide_codec.command_line import wide_console
+from meshtide_codec.output_files import made_folder, write_together
 from meshtide_codec.output_policy import check_apart, output_file, output_folder
 from meshtide_codec.printable import shown
 from meshtide_codec.report.stream_report import StreamReport, report_files
@@ -30,7 +32,7 @@ def report_target(target: Path | None, mesh: Path, stream: Path, *, overwrite: b
 
     Raises:
         OptionError: a file of a kind that a report cannot be, or one that is not to be replaced.
-        MeshtideError: a library is not installed.
+        MissingLibraryError: a library is not installed.
         OSError: nothing can be written there.
     """
     if target is None:
@@ -47,9 +49,11 @@ def written_report(files: Sequence[OutputFile] | None, mesh: Path, encoded: Enco
     if files is None:
         return None
     report = StreamReport(mesh.stem, encoded, [file.path for file in files])
-    for file in files:
-        file.path.parent.mkdir(parents=True, exist_ok=True)
-        file.write(report.file(file.path))
+    contents = [(file.path, report.file(file.path)) for file in files]
+    with ExitStack() as folders:
+        for folder in {file.path.parent for file in files}:
+            folders.enter_context(made_folder(folder))
+        write_together(contents, replace=all(file.replace for file in files))
     return report
 
 

@@ -45,7 +45,7 @@ def stream_plot(title: str, rows: Sequence[LayerBytes], states: Sequence[StreamS
         A PNG file.
 
     Raises:
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
     """
     figure = extra(FIGURE).Figure(figsize=(12, 5), layout="constrained")
     figure.suptitle(title, parse_math=False)
@@ -113,7 +113,7 @@ def png_file(figure: Any) -> bytes:  # noqa: ANN401
     """A figure as a PNG file, of the same bytes each time.
 
     Raises:
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
     """
     extra(BACKEND).FigureCanvasAgg(figure)
     picture = io.BytesIO()

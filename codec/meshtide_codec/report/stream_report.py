@@ -80,7 +80,7 @@ class StreamReport:
         """What the file of that name holds, by its suffix.
 
         Raises:
-            MeshtideError: matplotlib is not installed.
+            MissingLibraryError: matplotlib is not installed.
         """
         return self.page() if path.suffix.lower() == ".html" else self.picture()
 
@@ -88,7 +88,7 @@ class StreamReport:
         """A PNG file of both.
 
         Raises:
-            MeshtideError: matplotlib is not installed.
+            MissingLibraryError: matplotlib is not installed.
         """
         return stream_plot(self._title, self.layers, self.states)
 
@@ -96,7 +96,7 @@ class StreamReport:
         """An HTML file that needs no other.
 
         Raises:
-            MeshtideError: matplotlib is not installed.
+            MissingLibraryError: matplotlib is not installed.
         """
         body = "\n".join(_html_table(*cells) for cells in (self._layer_cells(), self._state_cells()))
         picture = base64.b64encode(self.picture()).decode()
@@ -160,7 +160,7 @@ def report_files(target: Path, stem: str) -> list[Path]:
 
     Raises:
         OptionError: a file of another kind.
-        MeshtideError: matplotlib is not installed.
+        MissingLibraryError: matplotlib is not installed.
     """
     if target == TERMINAL:
         return []

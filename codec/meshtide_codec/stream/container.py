@@ -21,15 +21,15 @@ import struct
 import zlib
 from typing import TYPE_CHECKING
 
-from meshtide_codec.errors import ContainerError, LimitError, PacketError, TruncatedError
+from meshtide_codec.argument_types import check_type
+from meshtide_codec.errors import ContainerError, LimitError, PacketError, StreamError, TruncatedError
 from meshtide_codec.limits import Limits
-from meshtide_codec.packets import Packet
+from meshtide_codec.packets import MAGIC, Packet
 from meshtide_codec.stream.header import FORMAT_VERSION, StreamHeader, check_version
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-MAGIC = b"\x89TIDE\r\n\x1a"  # like PNG's: not text, and damaged by every transfer that converts line ends
 _PREAMBLE = struct.Struct("<8sHII")
 PREAMBLE_BYTES = _PREAMBLE.size
 
@@ -85,6 +85,7 @@ class ContainerReader:
 
     def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits or Limits()
+        check_type("limits", limits, Limits, type(None))
         self._pending = bytearray()
         self._start = 0
         self._error: Exception | None = None
@@ -107,6 +108,7 @@ class ContainerReader:
         """
         if self._error is not None:
             raise self._error
+        check_type("a stream's data", data, bytes, bytearray, memoryview, remedy="Path.read_bytes reads a file")
         self._pending += data
         first_new = len(self.packets)
         try:
@@ -118,6 +120,8 @@ class ContainerReader:
 
     def finish(self) -> None:
         """Raise TruncatedError unless the file is complete."""
+        if self.header is None and not self._pending:
+            raise TruncatedError("the file is empty; nothing can be decoded")
         if self.header is None:
             raise TruncatedError(
                 f"the file ends after {len(self._pending)} bytes, inside its header; nothing can be decoded"
@@ -201,18 +205,18 @@ def read_container(data: bytes | memoryview, limits: Limits | None = None) -> tu
 
 def read_available(
     data: bytes | memoryview, limits: Limits | None = None
-) -> tuple[StreamHeader, Sequence[Packet], Exception | None]:
+) -> tuple[StreamHeader, Sequence[Packet], StreamError | None]:
     """Header, the whole packets before the first damage or the end, and the error met there (None if complete).
 
     Raises:
         TruncatedError, ContainerError, LimitError: not even the header can be read.
     """
     reader = ContainerReader(limits)
-    problem: Exception | None = None
+    problem: StreamError | None = None
     try:
         reader.feed(data)
         reader.finish()
-    except (TruncatedError, ContainerError, PacketError, LimitError) as error:
+    except StreamError as error:
         if reader.header is None:
             raise
         problem = error

@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Self
 
 from meshtide_codec.errors import OptionError, TransferError
+from meshtide_codec.extras import missing_library
 from meshtide_server.bulk_ingest.encode_file import FileOutcome, encode_file
 
 try:
@@ -22,7 +23,7 @@ try:
     from distributed import CancelledError as TaskCancelledError
     from distributed import Client, KilledWorker
 except ImportError as import_error:
-    raise OptionError("--distributed needs Dask: pip install 'meshtide[dask]'") from import_error
+    raise missing_library("distributed", "dask", import_error, "--distributed") from import_error
 
 if TYPE_CHECKING:
     from meshtide_server.bulk_ingest.encode_file import FileTask

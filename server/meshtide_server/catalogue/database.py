@@ -23,6 +23,7 @@ from sqlalchemy.ext.asyncio import create_async_engine
 from sqlalchemy.util import await_only
 
 from meshtide_codec.errors import OptionError
+from meshtide_codec.extras import missing_library
 from meshtide_server.catalogue.errors import DatabaseUnavailableError
 from meshtide_server.catalogue.migrations import ADVISORY_LOCK
 
@@ -49,7 +50,8 @@ class Database:
         url: see `checked_url`.
 
     Raises:
-        OptionError: it is not an address of a database, or the extra that it needs is not installed.
+        OptionError: it is not an address of a database.
+        MissingLibraryError: the library that it needs is not installed.
     """
 
     def __init__(self, url: str) -> None:
@@ -58,7 +60,7 @@ class Database:
         try:
             self._engine: AsyncEngine = create_async_engine(address, pool_pre_ping=True, **options)
         except ImportError as error:
-            raise OptionError("PostgreSQL needs asyncpg: pip install 'meshtide[postgres]'") from error
+            raise missing_library("asyncpg", "postgres", error, "PostgreSQL") from error
         self._readers = self._engine.execution_options(meshtide_reads=True)
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         self._name = address.render_as_string(hide_password=True)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshtide_codec.errors import OptionError
+from meshtide_codec.extras import missing_library
 from meshtide_server.store.errors import MissingBucketError, MissingObjectError, ObjectRangeError, StoreError
 from meshtide_server.store.keys import check_key, check_prefix
 from meshtide_server.store.protocol import ObjectInfo
@@ -27,7 +28,7 @@ try:
     from obstore.exceptions import BaseError, NotFoundError
     from obstore.store import S3Store as Bucket
 except ImportError as error:
-    raise OptionError("s3:// stores need obstore: pip install 'meshtide[s3]'") from error
+    raise missing_library("obstore", "s3", error, "a store at s3://") from error
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
