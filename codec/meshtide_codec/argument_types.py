@@ -1,4 +1,4 @@
-"""Arguments of the wrong type, told in a sentence where they are given and not where they are used first."""
+"""Arguments of the wrong type, refused in a sentence where they are given and not where they are used first."""
 
 from __future__ import annotations
 

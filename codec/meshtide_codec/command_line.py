@@ -51,7 +51,7 @@ _OF_SIGNALS = {
     ExitCode.INTERRUPTED: "interrupted",
     ExitCode.TERMINATED: "ended by SIGTERM",
 }
-"""What is told of a command that a signal has ended."""
+"""What is said of a command that a signal has ended."""
 
 _CODES: tuple[tuple[type[BaseException], ExitCode], ...] = (
     (OptionError, ExitCode.USAGE),
@@ -77,7 +77,7 @@ def exit_code(error: BaseException) -> ExitCode:
 
 
 def explanation(error: BaseException) -> str:
-    """One line that tells a person what `error` means."""
+    """One line that says what `error` means."""
     if isinstance(error, OSError):
         name = "" if error.filename is None else f"{_file_name(error.filename)}: "
         hint = "; free some space and repeat the command" if error.errno == errno.ENOSPC else ""

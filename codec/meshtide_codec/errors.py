@@ -55,7 +55,7 @@ class OptionError(MeshtideError, ValueError):
 
 
 class MissingLibraryError(OptionError):
-    """What is asked for takes a library that is not installed; the message tells how to install it."""
+    """What is asked for takes a library that is not installed; the message says how to install it."""
 
 
 class StreamError(MeshtideError):

@@ -26,7 +26,7 @@ def extra(module: str, group: str = "bench") -> Any:  # noqa: ANN401 - a module 
 
 
 def check_extras(*modules: str, group: str = "bench") -> None:
-    """Raise MissingLibraryError unless all of these can be loaded: to be told before an hour's work, not after it."""
+    """Raise MissingLibraryError unless all of these can be loaded: better before an hour of work than after it."""
     for module in modules:
         extra(module, group)
 
@@ -40,5 +40,5 @@ def missing_library(name: str, group: str, reason: ImportError, what: str = "thi
         reason: why it cannot be used.
         what: what needs it.
     """
-    told = "is not installed" if isinstance(reason, ModuleNotFoundError) else f"cannot be loaded ({reason})"
-    return MissingLibraryError(f"{what} needs {name}, which {told}: pip install 'meshtide[{group}]'")
+    state = "is not installed" if isinstance(reason, ModuleNotFoundError) else f"cannot be loaded ({reason})"
+    return MissingLibraryError(f"{what} needs {name}, which {state}: pip install 'meshtide[{group}]'")

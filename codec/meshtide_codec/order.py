@@ -89,7 +89,7 @@ def in_input_order(mesh: Mesh, order: Order) -> Mesh:
     ([1.0, 0.0, 0.0, 1.0], [[1, 3, 2]])
     """
     check_type("the mesh", mesh, Mesh)
-    check_type("the order", order, Order, remedy="Decoder.order tells it of streams that store it")
+    check_type("the order", order, Order, remedy="Decoder.order gives it for streams that store it")
     return Mesh(mesh.vertices[order.vertices], order.faces)
 
 

@@ -86,7 +86,7 @@ def stream_target(mesh: Path, output: Path | None, *, overwrite: bool) -> Output
     if str(mesh) != STANDARD_OUTPUT and _is_stream(mesh):
         raise MeshFileError(
             f"{shown(mesh)} is a .tide stream, so it is encoded already; meshtide decode makes a mesh of it, and "
-            "meshtide info tells what it holds"
+            "meshtide info shows what it holds"
         )
     target = output_file(path, [mesh], overwrite=overwrite, own=_is_stream, standard_output=True)
     if output is None and target.replaces and not overwrite and (others := _rivals(mesh)):

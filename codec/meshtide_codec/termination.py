@@ -1,4 +1,4 @@
-"""SIGTERM and SIGHUP as an exception, so that whoever is told to end leaves every block in order.
+"""SIGTERM and SIGHUP as an exception, so that every block is left in order.
 
 A process that dies of the signal itself leaves temporary files, child processes and half a line on the terminal.
 """

@@ -45,7 +45,7 @@ def test_the_end_is_a_line_or_a_json_object(capsys: pytest.CaptureFixture[str]) 
 def test_names_and_errors_steer_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     result = Ingested(Path("\x1b[31m\udcff\u202e.ply"), None, "failed", "face \x9b31m")
     with IngestDisplay(1, quiet=False) as display:
-        display.tell(result)
+        display.report(result)
     assert capsys.readouterr().err.strip() == r"\x1b[31m\udcff\u202e.ply: face \x9b31m"
     print_ingested([result], {}, as_json=True)
     assert json.loads(capsys.readouterr().out)["files"][0]["file"] == "\x1b[31m\\udcff\u202e.ply"
@@ -58,7 +58,7 @@ def test_failures_and_notes_are_told_as_they_come_unless_they_come_as_json(
     with IngestDisplay(len(RESULTS), quiet=quiet) as display:
         for result in RESULTS:
             display.stage("levels")
-            display.tell(result)
+            display.report(result)
     shown = capsys.readouterr()
     assert shown.out == ""
     assert shown.err.strip() == ("" if quiet else "a.ply: normals (3): not kept\n[bold].ply: no [mesh]")
@@ -72,7 +72,7 @@ def test_a_person_sees_a_bar_with_what_is_being_done(
     monkeypatch.setenv("COLUMNS", "120")
     with IngestDisplay(3, quiet=True) as display:
         display.stage("choose previews")
-        display.tell(RESULTS[0])
+        display.report(RESULTS[0])
     shown = capsys.readouterr().err
     assert "ingest: choose previews" in shown
     assert "1/3" in shown

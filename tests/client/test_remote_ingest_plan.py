@@ -47,10 +47,10 @@ def _make(tmp_path: Path) -> Callable[..., list[Path]]:
 
 def decided(files: list[Path], known: list[Row], *, replace: bool = False) -> tuple[list[Sending], list[Ingested]]:
     told: list[Ingested] = []
-    plan = IngestPlan(files, known, replace=replace, tell=told.append)
+    plan = IngestPlan(files, known, replace=replace, report=told.append)
     sent = list(plan.to_send())
     results = {row.file: row for row in (*told, *(Ingested(row.file, f"of-{row.file.name}", "done") for row in sent))}
-    plan.tell_twins(results)
+    plan.report_twins(results)
     return sent, told
 
 
@@ -155,9 +155,9 @@ def test_a_file_that_cannot_be_read_is_told_and_stops_no_other(make: Callable[..
 def test_a_twin_shares_the_failure(make: Callable[..., list[Path]], state: str) -> None:
     files = make(a_ply="one", b_ply="one")
     told: list[Ingested] = []
-    plan = IngestPlan(files, [], replace=False, tell=told.append)
+    plan = IngestPlan(files, [], replace=False, report=told.append)
     assert len(list(plan.to_send())) == 1
-    plan.tell_twins({files[0]: Ingested(files[0], None, state, "too large")})
+    plan.report_twins({files[0]: Ingested(files[0], None, state, "too large")})
     assert told == [Ingested(files[1], None, state, "too large")]
 
 

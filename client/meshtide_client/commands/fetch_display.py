@@ -53,7 +53,7 @@ class Display:
             yield self
 
     def notify(self, sentence: str) -> None:
-        """Tell a person something."""
+        """Show a person something."""
         self.console.print(printable(sentence, LONGEST_EXPLANATION), markup=False, highlight=False, soft_wrap=True)
 
     def progress(self, size: int, total: int) -> None:

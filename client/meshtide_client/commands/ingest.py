@@ -87,13 +87,13 @@ def ingest(
                 timeout=timeout,
                 replace=replace,
                 options={name: value for name, value in given.items() if value is not None},
-                progress=display.tell,
+                progress=display.report,
             )
         else:
             where = {"data": data, "store": store, "database": database, "workers": workers, "scheduler": distributed}
             about = {"tags": tuple(tag or ()), "licence": licence}
             options = {**where, **how, **about, "patience": timeout}
-            results = ingest_into_store(files, options, replace=replace, progress=display.tell, stage=display.stage)
+            results = ingest_into_store(files, options, replace=replace, progress=display.report, stage=display.stage)
     place = {"server": server and shown_address(server), "data": data, "store": store, "scheduler": distributed}
     if print_ingested(
         [*results, *skipped], {name: str(value) for name, value in place.items() if value is not None}, as_json=as_json

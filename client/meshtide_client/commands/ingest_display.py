@@ -50,7 +50,7 @@ class IngestDisplay:
     ) -> None:
         self._bar.stop()
 
-    def tell(self, result: Ingested) -> None:
+    def report(self, result: Ingested) -> None:
         """A file is through."""
         self._bar.advance(self._task)
         if result.state == "failed":
@@ -76,7 +76,7 @@ def print_ingested(results: Sequence[Ingested], place: dict[str, str], *, as_jso
 
     Args:
         results: of all files.
-        place: where they went, as the JSON object tells it.
+        place: where they went, as the JSON object has it.
         as_json: whether one is printed.
     """
     counts = {state: sum(result.state == state for result in results) for state in STATES}

@@ -21,7 +21,7 @@ ACCEPTED = "gzip, deflate"
 """What may be asked for, as Accept-Encoding has it."""
 _GZIP = 16 + zlib.MAX_WBITS
 _TELLING_BYTES = 2
-"""Bytes that tell a framed deflate body from one without a frame."""
+"""Bytes that distinguish a framed deflate body from one without a frame."""
 _LONGEST_NAME = 40
 
 

@@ -1,6 +1,6 @@
 """Where a `.tide` file lies by itself: on any web server, in an object store, or on this machine's disk.
 
-`parse_address` tells the three from a mesh of a meshtide server, which has more ways to be read.
+`parse_address` distinguishes the three from a mesh of a meshtide server, which has more ways to be read.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _on_web(url: str) -> TideAddress | None:
         parts = urlsplit(url)
         host, _ = parts.hostname, parts.port
     except ValueError:
-        return None  # the parser of meshes tells what is wrong
+        return None  # the parser of meshes says what is wrong
     if not host or not parts.path.endswith(SUFFIX) or parts.fragment:
         return None
     if not parts.query:

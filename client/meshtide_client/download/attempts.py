@@ -195,7 +195,7 @@ class Attempts:
         return type(first)(f"{first}; by {self._transports[0]}: {last}")
 
     def _with_what_is_held(self, error: _Problem) -> _Problem:
-        """The same error, which also tells what is missing and what is kept."""
+        """The same error, which also says what is missing and what is kept."""
         clauses = []
         header = self._holding.header
         if header is not None:

@@ -40,7 +40,7 @@ class Destination:
         stream_file: `.tide` file of the packets, kept afterwards, or None.
         keep_levels: folder for the mesh of each level, or None.
         overwrite: whether files of meshes that are there already are replaced.
-        kind: format of the output, in place of what its name tells; what is not a regular file is PLY without it.
+        kind: format of the output, in place of what its name says; what is not a regular file is PLY without it.
         resumable: whether a next fetch may go on where this one ends: not with a file of this machine, which it would
             find as it is.
 

@@ -102,7 +102,7 @@ def fetch(
         loss: a lossy link that the packets go over before they are decoded, for experiments.
         overwrite: whether files of meshes that are there already are replaced; a stream file that holds another stream
             is renamed.
-        kind: format of the output, such as obj, in place of what its name tells.
+        kind: format of the output, such as obj, in place of what its name says.
 
     Raises:
         OptionError: `url` is not the address of a mesh, or cannot be read by that transport, or `until` allows less

@@ -3,7 +3,7 @@
 `FileSession` says which bytes of the file it needs next, takes bytes in pieces of any size, and gives the same events
 as a streaming session. Where ranges can be asked for, that is the header, then what is missing of the wanted packets in
 one range; where they cannot, the file is fed from its first byte, and what is held already is passed over. The header
-is always read anew: it tells whether what is held belongs to the same stream.
+is always read anew: it shows whether what is held belongs to the same stream.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ _ERROR_NUMBER = re.compile(r"\[Errno (\d+)\]")
 
 
 def handshake_problem(error: Exception, address: MeshAddress, timeout: float) -> TransferError | ProtocolError:
-    """What `error`, which came when a stream was to be opened, tells of the server.
+    """What `error`, which came when a stream was to be opened, means for the caller.
 
     Args:
         error: what the websocket library or the system raised.

@@ -7,7 +7,7 @@
 
 `http://host/meshes/ID` then works with `fetch`, by ranges where the web server knows them and by one plain download
 where it does not, and `http://host` with `meshes`. What is exported into the same folder later is added to the list.
-What a server tells of its meshes, such as tags and terms, goes with them.
+What a server says of its meshes, such as tags and licence, goes with them.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 COLLECTION = "meshes"
 ORIGIN = "origin"
-"""Member of each mesh in the list that tells the source of it, for later exports."""
+"""Member of each mesh in the list that names its source, for later exports."""
 _FOREIGN = re.compile(r"[^a-z0-9_]+")
 _LONGEST_ID = 100
 _PIECE = 1 << 16
@@ -161,8 +161,8 @@ class _Item:
     Args:
         identifier: its id in the folder.
         place: path or address of its file.
-        file: name of the file that it was made of, as the list tells it.
-        mesh: what a server tells of it.
+        file: name of the file that it was made of, as the list has it.
+        mesh: what a server says of it.
     """
 
     identifier: str
@@ -193,7 +193,7 @@ def _target(collection: Path, item: _Item, earlier: _Listed | None, *, overwrite
 
 
 def _earlier(collection: Path) -> dict[str, _Listed] | None:
-    """What the list tells that is there already, by ids; None if there is none that can be read."""
+    """What the list says is there already, by ids; None if there is none that can be read."""
     try:
         rows = [(hosted_mesh(row), row.get(ORIGIN)) for row in json.loads((collection / STATIC_INDEX).read_bytes())]
         return {mesh.id: _Listed(mesh.name, origin, mesh) for mesh, origin in rows}

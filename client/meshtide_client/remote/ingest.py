@@ -87,12 +87,12 @@ def ingest(
     token = token or find_token()
     results: dict[Path, Ingested] = {}
 
-    def tell(result: Ingested) -> None:
+    def report(result: Ingested) -> None:
         results[result.file] = result
         progress(result)
 
     plan = IngestPlan(
-        files, list_meshes(url, timeout=timeout, token=token, ca_file=ca_file), replace=replace, tell=tell
+        files, list_meshes(url, timeout=timeout, token=token, ca_file=ca_file), replace=replace, report=report
     )
     with WebClient(server, timeout=timeout, token=token, ca_file=ca_file) as client:
         upload = _Upload(client, server, dict(options or {}))
@@ -103,10 +103,10 @@ def ingest(
                 if len(running) >= READ_AHEAD * parallel:
                     done, running = wait(running, return_when=FIRST_COMPLETED)
                     for future in done:
-                        tell(future.result())
+                        report(future.result())
             for future in as_completed(running):
-                tell(future.result())
-    plan.tell_twins(results)
+                report(future.result())
+    plan.report_twins(results)
     return [results[file] for file in files]
 
 
@@ -191,7 +191,7 @@ class _Upload:
 
 
 class _ServerJob(NamedTuple):
-    """What a server tells of a job; two that are equal tell the same."""
+    """What a server says of a job."""
 
     id: str
     mesh: str | None
@@ -232,13 +232,13 @@ def _optional_text(value: Any, name: str) -> str | None:  # noqa: ANN401 - anyth
 
 
 def _notes(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may come
-    """What a job notes of its file; older servers do not tell."""
+    """What a job notes of its file."""
     lines = [] if value is None else plain_values.array(value, "notes")[:_MOST_NOTES]
     return tuple(plain_values.text(line, "notes", _LONGEST_TEXT) for line in lines)
 
 
 def _pause(header: str) -> float | None:
-    """Seconds to wait by a header Retry-After, within reason; None if it does not tell any.
+    """Seconds to wait by a header Retry-After, within reason; None if it gives none.
 
     >>> _pause("3"), _pause("0"), _pause("9" * 400), _pause("soon")
     (3.0, 0.5, 10.0, None)

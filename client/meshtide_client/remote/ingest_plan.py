@@ -31,7 +31,7 @@ _PREFERENCE = (FAILED, "encoding", "ready")
 
 
 class Known(Protocol):
-    """A mesh that is there already, as a listing tells of it."""
+    """A mesh that is there already, as a listing shows it."""
 
     @property
     def id(self) -> str:
@@ -124,15 +124,15 @@ class IngestPlan:
         files: all files, in order.
         known: the meshes that are there.
         replace: whether they are replaced.
-        tell: called for each file that need not, or cannot, be sent.
+        report: called for each file that need not, or cannot, be sent.
     """
 
     def __init__(
-        self, files: Sequence[Path], known: Iterable[Known], *, replace: bool, tell: Callable[[Ingested], None]
+        self, files: Sequence[Path], known: Iterable[Known], *, replace: bool, report: Callable[[Ingested], None]
     ) -> None:
         self._files = files
         self._replace = replace
-        self._tell = tell
+        self._report = report
         self._names = Counter(map(listed_name, files))
         self._published = [mesh for mesh in known if mesh.source is not None and mesh.status in _PREFERENCE]
         best_last = sorted(self._published, key=lambda mesh: _PREFERENCE.index(mesh.status))
@@ -150,7 +150,7 @@ class IngestPlan:
                 with file.open("rb") as opened:
                     digest = hashlib.file_digest(opened, "sha256").hexdigest()
             except OSError as error:
-                self._tell(Ingested(file, None, FAILED, f"{file} cannot be read: {error.strerror or error}"))
+                self._report(Ingested(file, None, FAILED, f"{file} cannot be read: {error.strerror or error}"))
                 continue
             first = self._first.setdefault(digest, file)
             if first is not file:
@@ -158,15 +158,15 @@ class IngestPlan:
                 continue
             found = self._by_content.get(digest)
             if found is not None and found.status != FAILED and not self._replace:
-                self._tell(Ingested(file, found.id, "kept"))
+                self._report(Ingested(file, found.id, "kept"))
             else:
                 yield Sending(file, digest, self._to_replace(file, found))
 
-    def tell_twins(self, results: Mapping[Path, Ingested]) -> None:
-        """Tell of the files whose content another one has, once it is known what became of that one."""
+    def report_twins(self, results: Mapping[Path, Ingested]) -> None:
+        """Report the files whose content another one has, once it is known what became of that one."""
         for file, first in self._twins.items():
             result = results[first]
-            self._tell(replace(result, file=file, state=result.state if result.error else "kept", notes=()))
+            self._report(replace(result, file=file, state=result.state if result.error else "kept", notes=()))
 
     def _to_replace(self, file: Path, same: Known | None) -> str | None:
         """The id of the mesh that `file` replaces; no mesh is replaced by two files."""

@@ -34,14 +34,14 @@ class StoreIngest(Protocol):
     def run(
         self,
         files: Iterable[Sending],
-        tell: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
+        report: Callable[[Path, str | None, str, str | None, tuple[str, ...]], None],
         stage: Callable[[str], None],
     ) -> None:
         """Encode files and publish them.
 
         Args:
             files: taken one by one, when there is somebody to encode them.
-            tell: called for each file that is done, with the fields of `Ingested`.
+            report: called for each file that is done, with the fields of `Ingested`.
             stage: called now and then with what is being done.
 
         Raises:
@@ -91,11 +91,11 @@ def ingest_into_store(
     work = find_store_ingest()(**options)
     results: dict[Path, Ingested] = {}
 
-    def tell(result: Ingested) -> None:
+    def report(result: Ingested) -> None:
         results[result.file] = result
         progress(result)
 
-    plan = IngestPlan(files, work.known(), replace=replace, tell=tell)
-    work.run(plan.to_send(), lambda *fields: tell(Ingested(*fields)), stage)
-    plan.tell_twins(results)
+    plan = IngestPlan(files, work.known(), replace=replace, report=report)
+    work.run(plan.to_send(), lambda *fields: report(Ingested(*fields)), stage)
+    plan.report_twins(results)
     return [results[file] for file in files]

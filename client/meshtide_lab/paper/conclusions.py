@@ -26,7 +26,7 @@ SMALL_SPREAD = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Whether a sentence holds for a mesh, and the figures that tell."""
+    """Whether a sentence holds for a mesh, and the figures that show it."""
 
     holds: bool
     figures: str

@@ -1,6 +1,6 @@
 """The journal of a sweep: what it is, and what is done of it, so that an interrupted one goes on.
 
-`sweep.json` tells the version and the definition; `runs.jsonl` gets a line for each run that is done. Results of
+`sweep.json` holds the version and the definition; `runs.jsonl` gets a line for each run that is done. Results of
 another version or another sweep are never touched.
 """
 
@@ -32,7 +32,7 @@ class Journal:
 
     Args:
         folder: of the results.
-        definition: plain values that tell the whole sweep.
+        definition: plain values that describe the whole sweep.
         overwrite: whether results of another sweep, or anything else in the folder, may be replaced.
 
     Raises:

@@ -83,7 +83,7 @@ def decode(
         if input_order:
             if decoder.order is None or found != 0:
                 raise OptionError(
-                    f"{shown(stream)} does not tell the input's order: it takes a stream that was encoded with "
+                    f"{shown(stream)} does not hold the input's order: it takes a stream that was encoded with "
                     "--store-order, and level 0"
                 )
             mesh = in_input_order(mesh, decoder.order)

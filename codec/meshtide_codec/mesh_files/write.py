@@ -97,7 +97,7 @@ def format_of(path: Path, kind: str | None = None) -> str:
         kind: the format, in place of what the name says.
 
     Raises:
-        OptionError: neither tells a format that can be written.
+        OptionError: neither gives a format that can be written.
 
     >>> format_of(Path("a.OBJ")), format_of(Path("a.obj"), "off"), format_of(Path("-"))
     ('obj', 'off', 'ply')

@@ -1,4 +1,4 @@
-"""The lines of an OBJ file in blocks that fit a cache: found, told apart, gathered by kind, all of it on arrays.
+"""The lines of an OBJ file in blocks that fit a cache: found, distinguished, gathered by kind, all of it on arrays.
 
 A line may be indented, end in CR, LF or both, go on in the next one after a backslash (which blanks may follow), and
 end in a comment. Blocks are cut between lines, so what a block takes is bounded whatever the file's size is.
