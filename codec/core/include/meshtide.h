@@ -42,7 +42,8 @@ enum mt_fault {
     MT_MEMORY = 3,    /* the system has no memory left */
     MT_ARGUMENT = 4,  /* the caller broke the contract of a function */
     MT_VERSION = 5,   /* the stream is of another format */
-    MT_INTERNAL = 6   /* a bug that a check stopped */
+    MT_INTERNAL = 6,  /* a bug that a check stopped */
+    MT_UNSUPPORTED = 7 /* the smaller WebAssembly only: the stream needs meshtide-full.wasm */
 };
 
 typedef struct mt_error {

@@ -196,7 +196,7 @@ void mt_states_free(mt_states* states) { delete states; }
 
 int32_t mt_states_load(mt_states* states, int32_t effort, const uint8_t* bytes, uint64_t size, mt_error* error) {
     return guarded(error, [&] {
-        require(effort >= 0 && effort <= 2, "there are no such states");
+        require(effort >= 0 && effort <= (DECODES_ALL ? 2 : 0), "there are no such states");
         choose(effort == 1 ? Effort::high : Effort::standard);
         RangeDecoder coder(lent(bytes, size));
         auto load = [&](auto& loaded) {
@@ -205,12 +205,11 @@ int32_t mt_states_load(mt_states* states, int32_t effort, const uint8_t* bytes, 
             coder.finish();
             loaded = std::move(made);
         };
-        if (effort == 0)
-            load(states->trained.standard);
-        else if (effort == 1)
-            load(states->trained.high);
-        else
-            load(states->trained.classic);
+        if constexpr (DECODES_ALL) {
+            if (effort == 1) return load(states->trained.high);
+            if (effort == 2) return load(states->trained.classic);
+        }
+        load(states->trained.standard);
     });
 }
 

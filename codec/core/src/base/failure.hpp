@@ -17,6 +17,7 @@ enum class Fault : int32_t {
     argument = 4,  // the caller broke the contract of a function
     version = 5,   // the stream is of another format
     internal = 6,  // a bug: an access that its own checks should have excluded
+    unsupported = 7, // the stream is sound, but this build lacks what decodes it (base/effort.hpp)
 };
 
 struct Failure {

@@ -92,6 +92,8 @@ public:
     size_t size() const { return size_; }
     bool empty() const { return size_ == 0; }
     void clear() { size_ = 0; }
+    // Empties the array, and gives back what it has taken.
+    void give_back();
     Budget& budget() const { return *budget_; }
 
 protected:
@@ -119,8 +121,6 @@ protected:
     size_t room_ = 0;
 
 private:
-    void give_back();
-
     uint64_t room_bytes_ = 0;
 };
 

@@ -65,7 +65,7 @@ public:
             }
             level = std::move(kept);
         }
-        if (depth > 0) levels_[std::min(static_cast<size_t>(depth), complete_) - 1].parents = Array<uint32_t>(budget_);
+        if (depth > 0) levels_[std::min(static_cast<size_t>(depth), complete_) - 1].parents.give_back();
         if (!drawn) first_drawn_ = static_cast<int>(forgotten_);
     }
     // The coarsest depth that was not given back.

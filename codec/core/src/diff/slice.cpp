@@ -83,12 +83,12 @@ void DiffSlice::enter(const Level& level) {
 
 void DiffSlice::rest() {
     if (run_.count() < ROOMY) return;
-    old_rows_ = Array<DiffRow>(budget_);
-    old_leaf_depths_ = Array<uint8_t>(budget_);
-    ring_starts_ = Array<uint32_t>(budget_);
-    neighbours_ = Array<DiffNeighbour>(budget_);
-    closed_ = Array<uint8_t>(budget_);
-    shares_ = Array<float>(budget_);
+    old_rows_.give_back();
+    old_leaf_depths_.give_back();
+    ring_starts_.give_back();
+    neighbours_.give_back();
+    closed_.give_back();
+    shares_.give_back();
 }
 
 // A vertex as a row. Another slice's gets one of its own each time that a ring touches it.

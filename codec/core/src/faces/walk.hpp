@@ -25,9 +25,11 @@ struct FacesMemory {
     // Gives back what a level of so many vertices has taken, where that is much.
     void rest(size_t vertices) {
         if (vertices < ROOMY) return;
-        front = FrontMemory(budget);
-        coarse = CoarseMemory(budget);
-        for (Array<int32_t>* gates : {&stack, &later, &within}) *gates = Array<int32_t>(budget);
+        front.give_back();
+        coarse.give_back();
+        stack.give_back();
+        later.give_back();
+        within.give_back();
         truth.rest();
     }
 };

@@ -17,11 +17,10 @@ struct MapRoom {
     // Gives back what a Map of so many vertices has taken, where that is much.
     void rest(size_t vertices) {
         if (vertices < ROOMY) return;
-        Budget& budget = notes.budget();
-        notes = Array<Note>(budget);
-        places = Array<F32x4>(budget);
-        bulges = Array<F32x4>(budget);
-        index = CellIndex(budget);
+        notes.give_back();
+        places.give_back();
+        bulges.give_back();
+        index.give_back();
     }
 };
 
