@@ -51,10 +51,22 @@ struct mt_encoder {
 
 namespace {
 
+void fill_classic(const ClassicOptions& classic, mt_header& fields) {
+    fields.levels = classic.levels;
+    fields.diffs = classic.diffs;
+    std::memcpy(fields.shifts, classic.shifts, sizeof classic.shifts);
+    fields.filter = static_cast<int32_t>(classic.filter);
+    fields.degree = classic.degree;
+    fields.denominator_degree = classic.denominator_degree;
+    fields.chebyshev = classic.chebyshev;
+    fields.norm = classic.norm;
+    fields.taubin_lambda = classic.taubin_lambda;
+    fields.taubin_mu = classic.taubin_mu;
+}
+
 void fill_fields(mt_stream& stream) {
     const Header& header = stream.header;
     mt_header& fields = stream.fields;
-    fields = {};
     fields.profile = static_cast<int32_t>(header.profile);
     fields.bits = header.bits;
     for (size_t k = 0; k < 3; k++) fields.origin[k] = header.origin[k];
@@ -73,17 +85,7 @@ void fill_fields(mt_stream& stream) {
     std::memcpy(fields.strengths, compact.strengths, sizeof compact.strengths);
     fields.slices = compact.slices.begin();
     fields.slice_count = compact.slices.size();
-    const ClassicOptions& classic = header.classic;
-    fields.levels = classic.levels;
-    fields.diffs = classic.diffs;
-    std::memcpy(fields.shifts, classic.shifts, sizeof classic.shifts);
-    fields.filter = static_cast<int32_t>(classic.filter);
-    fields.degree = classic.degree;
-    fields.denominator_degree = classic.denominator_degree;
-    fields.chebyshev = classic.chebyshev;
-    fields.norm = classic.norm;
-    fields.taubin_lambda = classic.taubin_lambda;
-    fields.taubin_mu = classic.taubin_mu;
+    if constexpr (DECODES_ALL) fill_classic(header.classic, fields);
 }
 
 void take_fields(const mt_header& fields, Header& header) {

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "base/failure.hpp"
+#include "base/inlining.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -62,7 +63,7 @@ public:
     Span(T* data, size_t size) : data_(data), size_(size) {}
     operator Span<const T>() const { return {data_, size_}; }
 
-    T& operator[](size_t index) const {
+    MESHTIDE_INLINE T& operator[](size_t index) const {
         if (index >= size_) [[unlikely]]
             fail_access();
         return data_[index];
@@ -83,6 +84,9 @@ private:
     T* data_ = nullptr;
     size_t size_ = 0;
 };
+
+// From how many there are of each kind, behind a free place, to where each kind begins.
+void add_up(Span<uint32_t> counts);
 
 // Bytes of its own, which can be moved: what arrays of all types have in common.
 class ArrayBytes {

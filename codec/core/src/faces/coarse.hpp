@@ -116,6 +116,11 @@ public:
             h = listed ? next_listed(p, q, place) : NONE;
         }
     }
+    // The half-edges between p and q, those that leave p first.
+    template <class Visit>
+    void each_between(int32_t p, int32_t q, Visit visit) const {
+        for (int side = 0; side < 2; side++, std::swap(p, q)) each_at(p, q, edge(p, q), visit);
+    }
     // The vertices around p, some of them twice.
     template <class Visit>
     void each_neighbour(int32_t p, Visit visit) const {
@@ -191,7 +196,7 @@ private:
                 }
         };
         each_leaving([&](size_t v, int32_t) { starts[v + 1]++; });
-        for (size_t v = 0; v < vertices; v++) starts[v + 1] += starts[v];
+        add_up(starts);
         memory.leaving.renew(starts[vertices]);
         Span<int32_t> leaving = memory.leaving.span();
         each_leaving([&](size_t v, int32_t h) { leaving[starts[v]++] = h; });
