@@ -2,13 +2,13 @@
 #
 # What the flags bring, in bytes of the compressed file: addresses are computed where they are used (no LSR), 3 %; loads
 # stay where they are (no PRE), 1 %; only what becomes smaller is inlined where time does not matter, 4 %; numbers take as
-# few bytes as they need (--compress-relocations), 1 %; structures are handed over as their parts (experimental-mv), 2 %.
+# few bytes as they need (--compress-relocations), 1 %; structures are handed over in parts (experimental-mv), 2 %.
 set(CMAKE_POSITION_INDEPENDENT_CODE OFF)
 target_compile_options(rules INTERFACE -Oz -msimd128 -fno-exceptions -fno-slp-vectorize "SHELL:-mllvm -disable-lsr"
                        "SHELL:-mllvm -enable-load-pre=false" -mmultivalue
                        "SHELL:-Xclang -target-abi -Xclang experimental-mv")
 set(COLD ${SOURCES})
-list(FILTER COLD EXCLUDE REGEX "/(classic/decoder|codec/effort_layers|diff/code_diff)\\.cpp$")
+list(FILTER COLD EXCLUDE REGEX "/diff/code_diff\\.cpp$")
 set_source_files_properties(${COLD} PROPERTIES COMPILE_OPTIONS "-mllvm;-inline-threshold=1")
 target_link_options(rules INTERFACE -Oz) # which the library of C++ is built with, too
 
@@ -35,8 +35,8 @@ function(add_decoder NAME LARGEST_BYTES)
   set(FILE ${CMAKE_CURRENT_BINARY_DIR}/${NAME}.wasm)
   add_custom_command(
     OUTPUT ${FILE}
-    COMMAND ${CMAKE_CXX_COMPILER} -m ziglang wasm-ld --no-entry --strip-all --compress-relocations --stack-first
-      -z stack-size=1048576 ${EXPORTS} -o ${FILE} $<TARGET_OBJECTS:core-${NAME}> $<TARGET_OBJECTS:runtime>
+    COMMAND ${CMAKE_CXX_COMPILER} -m ziglang wasm-ld --no-entry --fatal-warnings --strip-all --compress-relocations
+      --stack-first -z stack-size=1048576 ${EXPORTS} -o ${FILE} $<TARGET_OBJECTS:core-${NAME}> $<TARGET_OBJECTS:runtime>
     DEPENDS $<TARGET_OBJECTS:core-${NAME}> $<TARGET_OBJECTS:runtime>
     COMMAND_EXPAND_LISTS VERBATIM)
   add_custom_target(${NAME} ALL DEPENDS ${FILE})
@@ -49,7 +49,8 @@ add_decoder(meshtide-full 53000)
 
 add_executable(core_tests ${TESTS})
 target_link_libraries(core_tests PRIVATE core-meshtide-full)
-target_link_options(core_tests PRIVATE -Wl,--export=mt_last_failure -Wl,--export=__stack_pointer -Wl,--export-table)
+target_link_options(core_tests PRIVATE -Wl,--fatal-warnings -Wl,--export=mt_last_failure -Wl,--export=__stack_pointer
+                    -Wl,--export-table)
 set_target_properties(core_tests PROPERTIES SUFFIX .wasm)
 
 add_test(NAME core_tests_wasm COMMAND ${NODE} tests $<TARGET_FILE:core_tests>)

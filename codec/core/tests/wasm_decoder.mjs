@@ -1,4 +1,5 @@
-// The decoder of meshtide.wasm or meshtide-full.wasm, called from JavaScript as a browser does it: streams, levels, failures.
+// The decoder of meshtide.wasm or meshtide-full.wasm, called from JavaScript as a browser does it: streams, levels,
+// failures.
 //
 // What fails ends the instance: it traps, and mt_last_failure says why. Then the error is thrown, and every later call
 // throws it again; whoever wants to go on makes another Core, which costs no compilation.
@@ -90,7 +91,8 @@ export class Core {
 
     // The stream of a header, by its bytes.
     parse(header) {
-        this.lend(header, (pointer, size) => this.call(null, "mt_stream_parse", pointer, size, this.limits, this.room, 0));
+        this.lend(header,
+                  (pointer, size) => this.call(null, "mt_stream_parse", pointer, size, this.limits, this.room, 0));
         return this.view().getUint32(this.room, true);
     }
 

@@ -2,7 +2,7 @@
 //
 // Both efforts are one walk; they differ in contexts, geometry and the size of the mixer. A walk is a template: the
 // compiler makes one of each effort, and what an effort does not have is not there. A third one, `either`, has what
-// both have and asks at run time: that of WebAssembly, which has to be fetched before it can run.
+// both have and asks at run time: that of the WebAssembly for all streams, which has to be fetched before it can run.
 #pragma once
 
 namespace meshtide {

@@ -66,7 +66,8 @@ class AllShifts final : public DiffShifts {
 public:
     explicit AllShifts(Budget& budget) : budget_(budget), slices_(budget) {}
 
-    void note(size_t number, const DiffSlice& slice, const Level& level, int bits, Array<double>& differences) override {
+    void note(size_t number, const DiffSlice& slice, const Level& level, int bits,
+              Array<double>& differences) override {
         while (slices_.size() <= number) slices_.add(budget_);
         slices_[number].note(slice, level, bits, differences);
     }

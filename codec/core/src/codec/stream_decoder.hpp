@@ -45,13 +45,14 @@ private:
     int64_t& offset_;
 };
 
-// What other Diffs do, in the place of those that were decoded. Behind an interface, so that a decoder whose Diffs nobody
-// can watch, as in a browser, is linked without it.
+// What other Diffs do, in the place of those that were decoded. Behind an interface, so that a decoder whose Diffs
+// nobody can watch, as in a browser, is linked without it.
 class DiffShifts {
 public:
     virtual ~DiffShifts() = default;
     // Tells the Diffs that have brought a slice to its depth; level: that of this depth.
-    virtual void note(size_t number, const DiffSlice& slice, const Level& level, int bits, Array<double>& differences) = 0;
+    virtual void note(size_t number, const DiffSlice& slice, const Level& level, int bits,
+                      Array<double>& differences) = 0;
     // Shifts what the Diffs of a slice that ended at this depth have moved. scale: finest steps in one of theirs.
     virtual void replace(size_t number, int depth, double scale, Span<const double> differences,
                          Span<const double> others) = 0;
