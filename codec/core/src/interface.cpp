@@ -85,7 +85,7 @@ void fill_fields(mt_stream& stream) {
     std::memcpy(fields.strengths, compact.strengths, sizeof compact.strengths);
     fields.slices = compact.slices.begin();
     fields.slice_count = compact.slices.size();
-    if constexpr (DECODES_ALL) fill_classic(header.classic, fields);
+    if (DECODES_ALL) fill_classic(header.classic, fields);
 }
 
 void take_fields(const mt_header& fields, Header& header) {
