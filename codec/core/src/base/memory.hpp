@@ -143,12 +143,12 @@ public:
     }
     void swap(Array& other) noexcept { ArrayBytes::swap(other); }
 
-    T& operator[](size_t index) {
+    MESHTIDE_INLINE T& operator[](size_t index) {
         if (index >= size_) [[unlikely]]
             fail_access();
         return begin()[index];
     }
-    const T& operator[](size_t index) const {
+    MESHTIDE_INLINE const T& operator[](size_t index) const {
         if (index >= size_) [[unlikely]]
             fail_access();
         return begin()[index];
