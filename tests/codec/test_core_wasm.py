@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from meshtide_codec import core
-from meshtide_codec.compact.effort import Effort
 from meshtide_codec.compact.options import CompactHeader
 from meshtide_codec.decoder import Decoder
+from meshtide_codec.effort import Effort
 from meshtide_codec.errors import MeshtideError
 from meshtide_codec.limits import Limits
 from meshtide_codec.stream.container import PREAMBLE_BYTES, ContainerReader
