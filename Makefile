@@ -72,10 +72,10 @@ $(VENV)/zig.done: codec/core/build_backend.py
 	$(VENV)/zig/bin/python -m pip install --quiet $(ZIG)
 	touch $@
 
-wasm: $(VENV)/zig.done ## The decoder as WebAssembly, codec/core/wasm/meshtide.wasm, and the core's tests in Node.
+wasm: $(VENV)/zig.done ## The decoder as WebAssembly, codec/core/wasm/*.wasm, and the core's tests in Node.
 	cd codec/core && CXX="$(CURDIR)/$(VENV)/zig/bin/python -m ziglang c++" cmake --preset wasm && \
 		cmake --build --preset wasm --parallel $(JOBS) && ctest --preset wasm
-	cp build/wasm/meshtide.wasm codec/core/wasm/
+	cp build/wasm/meshtide.wasm build/wasm/meshtide-full.wasm codec/core/wasm/
 
 clean: ## Remove the virtual environment and all caches.
 	rm -rf $(VENV) build codec/meshtide_codec/libmeshtide_core_* .pytest_cache .mypy_cache .ruff_cache .hypothesis demo-output

@@ -2,11 +2,11 @@
 import {readFileSync} from "node:fs";
 
 const [, , repository, file, runs] = process.argv;
-const {Core, Decoder, splitFile} = await import(`${repository}/codec/core/tests/wasm_decoder.mjs`);
+const {Core, Decoder, moduleFor, splitFile} = await import(`${repository}/codec/core/tests/wasm_decoder.mjs`);
 const states = which =>
     readFileSync(`${repository}/codec/meshtide_codec/states/${["default", "high", "classic"][which]}.states`);
-const core = new Core(await WebAssembly.compile(readFileSync(`${repository}/codec/core/wasm/meshtide.wasm`)));
-const data = readFileSync(file);
+const compile = name => WebAssembly.compile(readFileSync(`${repository}/codec/core/wasm/${name}`));
+const data = readFileSync(file), core = new Core(await moduleFor(splitFile(data).header, compile));
 const processorSeconds = () => {
     const {user, system} = process.cpuUsage();
     return (user + system) / 1e6;

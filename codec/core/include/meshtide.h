@@ -37,12 +37,13 @@ MT_API uint64_t mt_self_check(void);
 /* What kind of failure it is. */
 enum mt_fault {
     MT_OK = 0,
-    MT_MALFORMED = 1, /* the stream holds what no encoder writes */
-    MT_LIMIT = 2,     /* more than the caller allowed; the text is the name of the limit */
-    MT_MEMORY = 3,    /* the system has no memory left */
-    MT_ARGUMENT = 4,  /* the caller broke the contract of a function */
-    MT_VERSION = 5,   /* the stream is of another format */
-    MT_INTERNAL = 6   /* a bug that a check stopped */
+    MT_MALFORMED = 1,  /* the stream holds what no encoder writes */
+    MT_LIMIT = 2,      /* more than the caller allowed; the text is the name of the limit */
+    MT_MEMORY = 3,     /* the system has no memory left */
+    MT_ARGUMENT = 4,   /* the caller broke the contract of a function */
+    MT_VERSION = 5,    /* the stream is of another format */
+    MT_INTERNAL = 6,   /* a bug that a check stopped */
+    MT_UNSUPPORTED = 7 /* the smaller WebAssembly only: the stream needs meshtide-full.wasm */
 };
 
 typedef struct mt_error {

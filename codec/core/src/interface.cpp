@@ -51,10 +51,22 @@ struct mt_encoder {
 
 namespace {
 
+void fill_classic(const ClassicOptions& classic, mt_header& fields) {
+    fields.levels = classic.levels;
+    fields.diffs = classic.diffs;
+    std::memcpy(fields.shifts, classic.shifts, sizeof classic.shifts);
+    fields.filter = static_cast<int32_t>(classic.filter);
+    fields.degree = classic.degree;
+    fields.denominator_degree = classic.denominator_degree;
+    fields.chebyshev = classic.chebyshev;
+    fields.norm = classic.norm;
+    fields.taubin_lambda = classic.taubin_lambda;
+    fields.taubin_mu = classic.taubin_mu;
+}
+
 void fill_fields(mt_stream& stream) {
     const Header& header = stream.header;
     mt_header& fields = stream.fields;
-    fields = {};
     fields.profile = static_cast<int32_t>(header.profile);
     fields.bits = header.bits;
     for (size_t k = 0; k < 3; k++) fields.origin[k] = header.origin[k];
@@ -73,17 +85,7 @@ void fill_fields(mt_stream& stream) {
     std::memcpy(fields.strengths, compact.strengths, sizeof compact.strengths);
     fields.slices = compact.slices.begin();
     fields.slice_count = compact.slices.size();
-    const ClassicOptions& classic = header.classic;
-    fields.levels = classic.levels;
-    fields.diffs = classic.diffs;
-    std::memcpy(fields.shifts, classic.shifts, sizeof classic.shifts);
-    fields.filter = static_cast<int32_t>(classic.filter);
-    fields.degree = classic.degree;
-    fields.denominator_degree = classic.denominator_degree;
-    fields.chebyshev = classic.chebyshev;
-    fields.norm = classic.norm;
-    fields.taubin_lambda = classic.taubin_lambda;
-    fields.taubin_mu = classic.taubin_mu;
+    if (DECODES_ALL) fill_classic(header.classic, fields);
 }
 
 void take_fields(const mt_header& fields, Header& header) {
@@ -196,7 +198,7 @@ void mt_states_free(mt_states* states) { delete states; }
 
 int32_t mt_states_load(mt_states* states, int32_t effort, const uint8_t* bytes, uint64_t size, mt_error* error) {
     return guarded(error, [&] {
-        require(effort >= 0 && effort <= 2, "there are no such states");
+        require(effort >= 0 && effort <= (DECODES_ALL ? 2 : 0), "there are no such states");
         choose(effort == 1 ? Effort::high : Effort::standard);
         RangeDecoder coder(lent(bytes, size));
         auto load = [&](auto& loaded) {
@@ -205,12 +207,11 @@ int32_t mt_states_load(mt_states* states, int32_t effort, const uint8_t* bytes, 
             coder.finish();
             loaded = std::move(made);
         };
-        if (effort == 0)
-            load(states->trained.standard);
-        else if (effort == 1)
-            load(states->trained.high);
-        else
-            load(states->trained.classic);
+        if constexpr (DECODES_ALL) {
+            if (effort == 1) return load(states->trained.high);
+            if (effort == 2) return load(states->trained.classic);
+        }
+        load(states->trained.standard);
     });
 }
 

@@ -1,10 +1,9 @@
-// The decoder of meshtide.wasm, called from JavaScript as a browser does it: streams, levels, failures.
+// The decoder of meshtide.wasm or meshtide-full.wasm, called from JavaScript as a browser does it: streams, levels,
+// failures.
 //
 // What fails ends the instance: it traps, and mt_last_failure says why. Then the error is thrown, and every later call
 // throws it again; whoever wants to go on makes another Core, which costs no compilation.
-import {readFileSync} from "node:fs";
-
-const FAULTS = [ "none", "malformed", "limit", "memory", "argument", "version", "internal" ];
+const FAULTS = [ "none", "malformed", "limit", "memory", "argument", "version", "internal", "unsupported" ];
 const MAGIC = [ 0x89, 0x54, 0x49, 0x44, 0x45, 0x0d, 0x0a, 0x1a ];
 const PREAMBLE_BYTES = 18;
 const ORDER = 5; // the kind of packet that tells what is of no use to a viewer
@@ -37,7 +36,7 @@ export class CoreError extends Error {
 }
 
 export class Core {
-    // module: compiled from meshtide.wasm, by which many instances can be made.
+    // module: compiled from either file, by which many instances can be made.
     constructor(module, limits = {}) {
         this.exports = new WebAssembly.Instance(module, {}).exports;
         this.exports._initialize();
@@ -90,6 +89,13 @@ export class Core {
         this.exports.free(pointer);
     }
 
+    // The stream of a header, by its bytes.
+    parse(header) {
+        this.lend(header,
+                  (pointer, size) => this.call(null, "mt_stream_parse", pointer, size, this.limits, this.room, 0));
+        return this.view().getUint32(this.room, true);
+    }
+
     // which: 0 effort default, which a stream with previews needs too; 1 effort high; 2 profile classic.
     loadStates(which, bytes) {
         this.lend(bytes, (pointer, size) => this.call(null, "mt_states_load", this.states, which, pointer, size, 0));
@@ -98,6 +104,18 @@ export class Core {
         if (!this.loaded.has(which)) this.loadStates(which, load(which));
         this.loaded.add(which);
     }
+}
+
+// The module that decodes the stream of a header: the smaller one, unless that refuses it. compile(name): of a file.
+export async function moduleFor(header, compile) {
+    const module = await compile("meshtide.wasm");
+    try {
+        new Core(module).parse(header);
+    } catch (error) {
+        if (error.fault !== "unsupported") throw error;
+        return compile("meshtide-full.wasm");
+    }
+    return module;
 }
 
 // The header and the packets of a .tide file; packets that are not whole are left out.
@@ -117,9 +135,7 @@ export class Decoder {
     // header: its bytes; load(which): the bytes of trained states.
     constructor(core, header, load) {
         this.core = core;
-        core.lend(header,
-                  (pointer, size) => core.call(null, "mt_stream_parse", pointer, size, core.limits, core.room, 0));
-        this.stream = core.view().getUint32(core.room, true);
+        this.stream = core.parse(header);
         const fields = core.exports.mt_stream_header(this.stream), view = core.view();
         const needed = view.getInt32(fields, true) === 0 ? [ 2 ] : [ 0, view.getInt32(fields + 72, true) ];
         const packets = view.getUint32(fields + 40, true);
@@ -177,5 +193,3 @@ export class Decoder {
         this.core.call(null, "mt_stream_free", this.stream);
     }
 }
-
-export const compileCore = path => WebAssembly.compile(readFileSync(path));

@@ -69,19 +69,6 @@ void* realloc(void* memory, size_t bytes) {
     return moved;
 }
 
-// 128-bit products, which the compiler makes of checks for overflow.
-__extension__ typedef __int128 Wide;
-Wide __multi3(Wide a, Wide b) {
-    auto low = [](Wide x) { return static_cast<uint64_t>(x) & 0xffffffffu; };
-    auto high = [](Wide x) { return static_cast<uint64_t>(x) >> 32; };
-    uint64_t product = low(a) * low(b), middle = high(a) * low(b) + (product >> 32);
-    uint64_t other = low(a) * high(b) + (middle & 0xffffffffu);
-    uint64_t upper = high(a) * high(b) + (middle >> 32) + (other >> 32);
-    upper += static_cast<uint64_t>(a >> 64) * static_cast<uint64_t>(b);
-    upper += static_cast<uint64_t>(a) * static_cast<uint64_t>(b >> 64);
-    return static_cast<Wide>(upper) << 64 | (other << 32 | (product & 0xffffffffu));
-}
-
 // To be called once, before anything else.
 void __wasm_call_ctors();
 __attribute__((export_name("_initialize"))) void initialize() { __wasm_call_ctors(); }

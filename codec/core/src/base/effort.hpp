@@ -2,7 +2,7 @@
 //
 // Both efforts are one walk; they differ in contexts, geometry and the size of the mixer. A walk is a template: the
 // compiler makes one of each effort, and what an effort does not have is not there. A third one, `either`, has what
-// both have and asks at run time: that of WebAssembly, which has to be fetched before it can run.
+// both have and asks at run time: that of the WebAssembly for all streams, which has to be fetched before it can run.
 #pragma once
 
 namespace meshtide {
@@ -39,8 +39,16 @@ inline constexpr auto IS_HIGH = BY_EFFORT<effort, false, true>;
 template <Effort effort, auto standard, auto high>
 inline constexpr auto AT_MOST = effort == Effort::standard ? standard : high;
 
+// Which streams a build decodes: all of them, or those of profile compact at effort default. A browser loads the other
+// build only for a stream that this one refuses (Fault::unsupported, stream/header.cpp).
+#ifdef MESHTIDE_DEFAULT_ONLY
+inline constexpr bool DECODES_ALL = false;
+#else
+inline constexpr bool DECODES_ALL = true;
+#endif
+
 // What the layers of an effort are compiled as, and which they are from now on.
-#ifdef __wasm__
+#if defined(__wasm__) && !defined(MESHTIDE_DEFAULT_ONLY)
 template <Effort effort>
 inline constexpr Effort COMPILED = Effort::either;
 inline void choose(Effort effort, bool positions = true) {

@@ -11,12 +11,13 @@ namespace meshtide {
 // What kind of failure it is; the C interface and every binding have the same numbers.
 enum class Fault : int32_t {
     none = 0,
-    malformed = 1, // the stream holds what no encoder writes
-    limit = 2,     // more than the caller allowed
-    memory = 3,    // the system has no memory left
-    argument = 4,  // the caller broke the contract of a function
-    version = 5,   // the stream is of another format
-    internal = 6,  // a bug: an access that its own checks should have excluded
+    malformed = 1,   // the stream holds what no encoder writes
+    limit = 2,       // more than the caller allowed
+    memory = 3,      // the system has no memory left
+    argument = 4,    // the caller broke the contract of a function
+    version = 5,     // the stream is of another format
+    internal = 6,    // a bug: an access that its own checks should have excluded
+    unsupported = 7, // the stream is sound, but this build lacks what decodes it (base/effort.hpp)
 };
 
 struct Failure {

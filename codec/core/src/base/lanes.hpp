@@ -5,6 +5,8 @@
 // beside it that says what it computes. Floats are never fused (-ffp-contract=off).
 #pragma once
 
+#include "base/inlining.hpp"
+
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -20,16 +22,6 @@
 
 #ifndef MESHTIDE_ISA
 #define MESHTIDE_ISA baseline
-#endif
-
-#define MESHTIDE_INLINE inline __attribute__((always_inline))
-
-// What is large and called from several places: a copy for each of them where only speed counts, one in WebAssembly,
-// which has to be fetched before it can run.
-#ifdef __wasm__
-#define MESHTIDE_ONCE inline __attribute__((noinline))
-#else
-#define MESHTIDE_ONCE MESHTIDE_INLINE
 #endif
 
 namespace meshtide::inline MESHTIDE_ISA {

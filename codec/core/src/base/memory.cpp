@@ -64,6 +64,11 @@ void trim_heap() {
 #endif
 }
 
+void add_up(Span<uint32_t> counts) {
+    uint32_t sum = 0;
+    for (uint32_t& count : counts) count = sum += count;
+}
+
 ArrayBytes::~ArrayBytes() { give_back(); }
 
 void ArrayBytes::give_back() {

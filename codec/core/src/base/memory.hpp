@@ -6,6 +6,7 @@
 #pragma once
 
 #include "base/failure.hpp"
+#include "base/inlining.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -62,7 +63,7 @@ public:
     Span(T* data, size_t size) : data_(data), size_(size) {}
     operator Span<const T>() const { return {data_, size_}; }
 
-    T& operator[](size_t index) const {
+    MESHTIDE_INLINE T& operator[](size_t index) const {
         if (index >= size_) [[unlikely]]
             fail_access();
         return data_[index];
@@ -84,6 +85,9 @@ private:
     size_t size_ = 0;
 };
 
+// From how many there are of each kind, behind a free place, to where each kind begins.
+void add_up(Span<uint32_t> counts);
+
 // Bytes of its own, which can be moved: what arrays of all types have in common.
 class ArrayBytes {
 public:
@@ -92,6 +96,8 @@ public:
     size_t size() const { return size_; }
     bool empty() const { return size_ == 0; }
     void clear() { size_ = 0; }
+    // Empties the array, and gives back what it has taken.
+    void give_back();
     Budget& budget() const { return *budget_; }
 
 protected:
@@ -119,8 +125,6 @@ protected:
     size_t room_ = 0;
 
 private:
-    void give_back();
-
     uint64_t room_bytes_ = 0;
 };
 
@@ -139,12 +143,12 @@ public:
     }
     void swap(Array& other) noexcept { ArrayBytes::swap(other); }
 
-    T& operator[](size_t index) {
+    MESHTIDE_INLINE T& operator[](size_t index) {
         if (index >= size_) [[unlikely]]
             fail_access();
         return begin()[index];
     }
-    const T& operator[](size_t index) const {
+    MESHTIDE_INLINE const T& operator[](size_t index) const {
         if (index >= size_) [[unlikely]]
             fail_access();
         return begin()[index];

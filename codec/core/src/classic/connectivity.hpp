@@ -9,7 +9,7 @@
 namespace meshtide::inline MESHTIDE_ISA {
 
 // Faces without positions.
-#ifdef __wasm__
+#if defined(__wasm__) && !defined(MESHTIDE_DEFAULT_ONLY)
 using BlindFacesModel = FacesModel<Effort::either, true>; // see choose()
 #else
 using BlindFacesModel = FacesModel<Effort::standard, false>;

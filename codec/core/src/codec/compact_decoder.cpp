@@ -58,7 +58,7 @@ CompactDecoder::CompactDecoder(const Header& header, const Trained& trained, Bud
     : StreamDecoder(header, budget), trained_(trained), plan_(plan_of(header)), chain_(budget, plan_),
       layers_(make_decoder_layers(header.compact.effort == 0 ? Effort::standard : Effort::high, budget, plan_,
                                   header.compact.slices.span(), trained, place_.offset)),
-      waiting_(budget), slices_(budget), previews_(budget), shifts_(budget) {
+      waiting_(budget), slices_(budget), previews_(budget) {
     for (size_t slice = 0; slice < header.compact.slices.size(); slice++) slices_.add(budget);
 }
 
@@ -139,15 +139,14 @@ void CompactDecoder::decode_diffs(size_t slice) {
         told_ = told_ || waiting[next].payload.size() > 0;
         waiting.remove(next);
         if (!watching()) continue;
-        while (shifts_.size() < slices_.size()) shifts_.add(budget_);
         DecodedDiffs& told = tell_diffs(place_.level, place_.slice);
-        shifts_[slice].note(layers_->slice(slice), chain_.at(depth), header_.bits, told.values);
+        shifts().note(slice, layers_->slice(slice), chain_.at(depth), header_.bits, told.values);
     }
 }
 
 void CompactDecoder::replace(const DecodedDiffs& decoded, Span<const double> values) {
     double scale = static_cast<double>(1 << decoded.level);
-    shifts_[decoded.slice].replace(depth_of(decoded.level), scale, decoded.values.span(), values);
+    shifts().replace(decoded.slice, depth_of(decoded.level), scale, decoded.values.span(), values);
 }
 
 uint64_t CompactDecoder::available() const {
@@ -189,8 +188,9 @@ void CompactDecoder::show(uint32_t level, Shown& shown) {
     shown.positions.resize(3 * known.size());
     draw_known({known.span(), header_.bits, STRENGTHS[header_.compact.strengths[depth]]}, shown.faces.span(),
                shown.positions.span(), budget_);
-    for (size_t slice = 0; slice < shifts_.size(); slice++)
-        shifts_[slice].shift(layers_->slice(slice), cells, header_.bits, shown.positions.span());
+    if (!watching()) return;
+    for (size_t slice = 0; slice < slices_.size(); slice++)
+        shifts().shift(slice, layers_->slice(slice), cells, header_.bits, shown.positions.span());
 }
 
 void show_truth(const Octree& octree, int depth, int known_depth, Strength strength, Span<double> positions,

@@ -7,7 +7,6 @@
 #pragma once
 
 #include "codec/effort_layers.hpp"
-#include "codec/slice_shifts.hpp"
 #include "surface/display_filter.hpp"
 
 #include <algorithm>
@@ -64,8 +63,7 @@ private:
     List<Waiting> waiting_; // Map&Conn packets
     List<SliceProgress> slices_;
     List<Preview> previews_;
-    List<SliceShifts> shifts_; // of each slice, where Diffs are watched
-    bool told_ = false;        // a Diff of this push told something
+    bool told_ = false; // a Diff of this push told something
 };
 
 // Where a decoder draws the vertices of a level when the Diffs down to a depth are there, by the octree that tells the

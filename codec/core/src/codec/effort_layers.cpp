@@ -110,7 +110,9 @@ std::unique_ptr<DecoderLayers> make_decoder_layers(Effort effort, Budget& budget
     auto make = [&]<Effort compiled>(const TrainedLayers<compiled>& known) -> std::unique_ptr<DecoderLayers> {
         return std::make_unique<DecoderLayersOf<compiled>>(effort, budget, plan, starts, known, offset);
     };
-    return effort == Effort::high ? make(trained.of<Effort::high>()) : make(trained.of<Effort::standard>());
+    if constexpr (DECODES_ALL)
+        if (effort == Effort::high) return make(trained.of<Effort::high>());
+    return make(trained.of<Effort::standard>());
 }
 
 std::unique_ptr<EncoderLayers> make_encoder_layers(Effort effort, Budget& budget, const Octree& octree,

@@ -54,18 +54,18 @@ public:
     void forget(int depth, bool drawn) {
         auto end = std::min(static_cast<size_t>(depth), complete_ - 1);
         for (; forgotten_ < end; forgotten_++) {
-            Level kept(budget_), &level = levels_[forgotten_];
-            if (drawn) {
-                kept.depth = level.depth;
-                kept.centres.swap(level.centres);
-                kept.cell_depths.swap(level.cell_depths);
-                kept.leaves.swap(level.leaves);
-                kept.corners.swap(level.corners);
-                kept.heads.swap(level.heads);
-            }
-            level = std::move(kept);
+            Level& level = levels_[forgotten_];
+            level.parents.give_back();
+            level.first_children.give_back();
+            level.twins.give_back();
+            if (drawn) continue;
+            level.centres.give_back();
+            level.cell_depths.give_back();
+            level.leaves.give_back();
+            level.corners.give_back();
+            level.heads.give_back();
         }
-        if (depth > 0) levels_[std::min(static_cast<size_t>(depth), complete_) - 1].parents = Array<uint32_t>(budget_);
+        if (depth > 0) levels_[std::min(static_cast<size_t>(depth), complete_) - 1].parents.give_back();
         if (!drawn) first_drawn_ = static_cast<int>(forgotten_);
     }
     // The coarsest depth that was not given back.

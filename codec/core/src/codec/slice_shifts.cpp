@@ -60,4 +60,33 @@ void SliceShifts::shift(const DiffSlice& slice, const Level& level, int bits, Sp
     }
 }
 
+namespace {
+
+class AllShifts final : public DiffShifts {
+public:
+    explicit AllShifts(Budget& budget) : budget_(budget), slices_(budget) {}
+
+    void note(size_t number, const DiffSlice& slice, const Level& level, int bits,
+              Array<double>& differences) override {
+        while (slices_.size() <= number) slices_.add(budget_);
+        slices_[number].note(slice, level, bits, differences);
+    }
+    void replace(size_t number, int depth, double scale, Span<const double> differences,
+                 Span<const double> others) override {
+        slices_[number].replace(depth, scale, differences, others);
+    }
+    void shift(size_t number, const DiffSlice& slice, const Level& level, int bits,
+               Span<double> positions) const override {
+        if (number < slices_.size()) slices_[number].shift(slice, level, bits, positions);
+    }
+
+private:
+    Budget& budget_;
+    List<SliceShifts> slices_;
+};
+
+} // namespace
+
+void StreamDecoder::watch_diffs() { shifts_ = std::make_unique<AllShifts>(budget_); }
+
 } // namespace meshtide::inline MESHTIDE_ISA

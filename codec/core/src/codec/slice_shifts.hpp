@@ -13,11 +13,8 @@ class SliceShifts {
 public:
     explicit SliceShifts(Budget& budget) : budget_(budget), leaf_depths_(budget), shifts_(budget) {}
 
-    // Tells the Diffs that have brought the slice to its depth; level: that of this depth.
     void note(const DiffSlice& slice, const Level& level, int bits, Array<double>& differences);
-    // Shifts what the Diffs that ended at this depth have moved. scale: finest steps in one of theirs.
     void replace(int depth, double scale, Span<const double> differences, Span<const double> others);
-    // Applies all shifts to what is drawn of a level.
     void shift(const DiffSlice& slice, const Level& level, int bits, Span<double> positions) const;
 
 private:

@@ -53,7 +53,8 @@ void StreamDecoder::replace_diffs(size_t which, Span<const double> values) {
 }
 
 std::unique_ptr<StreamDecoder> make_stream_decoder(const Header& header, const Trained& trained, Budget& budget) {
-    if (header.profile == Profile::classic) return std::make_unique<ClassicDecoder>(header, trained, budget);
+    if constexpr (DECODES_ALL)
+        if (header.profile == Profile::classic) return std::make_unique<ClassicDecoder>(header, trained, budget);
     return std::make_unique<CompactDecoder>(header, trained, budget);
 }
 

@@ -45,6 +45,22 @@ private:
     int64_t& offset_;
 };
 
+// What other Diffs do, in the place of those that were decoded. Behind an interface, so that a decoder whose Diffs
+// nobody can watch, as in a browser, is linked without it.
+class DiffShifts {
+public:
+    virtual ~DiffShifts() = default;
+    // Tells the Diffs that have brought a slice to its depth; level: that of this depth.
+    virtual void note(size_t number, const DiffSlice& slice, const Level& level, int bits,
+                      Array<double>& differences) = 0;
+    // Shifts what the Diffs of a slice that ended at this depth have moved. scale: finest steps in one of theirs.
+    virtual void replace(size_t number, int depth, double scale, Span<const double> differences,
+                         Span<const double> others) = 0;
+    // Applies all shifts of a slice to what is drawn of a level.
+    virtual void shift(size_t number, const DiffSlice& slice, const Level& level, int bits,
+                       Span<double> positions) const = 0;
+};
+
 class StreamDecoder {
 public:
     StreamDecoder(const Header& header, Budget& budget);
@@ -75,7 +91,7 @@ public:
     void keep_finest_only() { only_finest_ = true; }
 
     // From now on the Diffs that a push decodes are told. To be called before the first packet.
-    void watch_diffs() { watching_ = true; }
+    void watch_diffs();
     // Those of the packets that the last push decoded: itself, and others that had to wait for it.
     const List<DecodedDiffs>& decoded_diffs() const { return decoded_; }
     // Has other numbers, as many and finite, added in place of one of them.
@@ -88,7 +104,8 @@ protected:
 
     // Levels up to this one become better by the packet in hand, as far as they can be shown.
     void improve(uint32_t coarsest) { improved_ |= (static_cast<uint64_t>(2) << coarsest) - 1; }
-    bool watching() const { return watching_; }
+    bool watching() const { return shifts_ != nullptr; }
+    DiffShifts& shifts() { return *shifts_; }
     bool only_finest() const { return only_finest_; }
     DecodedDiffs& tell_diffs(uint32_t level, uint32_t slice) { return decoded_.add(budget_, level, slice); }
 
@@ -102,7 +119,8 @@ private:
     Array<uint8_t> taken_; // 1 for each entry of the packet table that came
     size_t next_ = 0;      // the entry after the last one that came, where the next one is likely to be
     uint64_t improved_ = 0, changed_ = 0;
-    bool watching_ = false, only_finest_ = false;
+    bool only_finest_ = false;
+    std::unique_ptr<DiffShifts> shifts_; // where Diffs are watched
     List<DecodedDiffs> decoded_;
 };
 

@@ -2,8 +2,7 @@
 #pragma once
 
 #include "base/effort.hpp"
-#include "entropy/mixing.hpp"
-#include "entropy/states.hpp"
+#include "entropy/layer_model.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
 
@@ -38,39 +37,20 @@ struct DiffShape {
 };
 
 template <Effort effort>
-struct DiffModel {
+struct DiffModel : LayerModel {
     using Shape = DiffShape<effort>;
     using DiffMixer = EffortMixer<effort, FixedShape<1, 2, 4, 3>, FixedShape<4, 8, 4>>;
 
-    // As if there had been no training.
-    explicit DiffModel(Budget& budget) : contexts(budget), weights(budget), final_weights(budget) {
-        const auto lanes = static_cast<size_t>(DiffMixer::lanes);
-        contexts.assign(static_cast<size_t>(Shape::context_count), Context{});
-        weights.assign(static_cast<size_t>(Shape::neuron_count) * lanes, 0);
-        for (size_t i = 0; i < weights.size(); i++)
-            if (i % lanes < lanes - 8 && (i & 4) == 0)
-                weights[i] = static_cast<int16_t>(WEIGHT_ONE / (3 * Shape::groups)); // what is stretched
-        final_weights.assign(Shape::final_neuron_count * 8, static_cast<int16_t>(WEIGHT_ONE / Shape::neurons));
-    }
-    void copy(const DiffModel& other) {
-        contexts.copy(other.contexts.span());
-        weights.copy(other.weights.span());
-        final_weights.copy(other.final_weights.span());
-    }
+    explicit DiffModel(Budget& budget)
+        : LayerModel(budget, {static_cast<size_t>(Shape::context_count), static_cast<size_t>(Shape::neuron_count),
+                              Shape::final_neuron_count, static_cast<size_t>(DiffMixer::lanes),
+                              WEIGHT_ONE / (3 * Shape::groups), WEIGHT_ONE / Shape::neurons}) {}
 
-    // Its trained states.
     template <class Coder>
     void code_states(Coder& coder, StatesModel& states) {
         constexpr uint16_t SETTLED_RATE = 65536 / 16; // as after 14 decisions
-        states.code_contexts(coder, contexts.span(), SETTLED_RATE);
-        states.code_weights(coder, weights.span(), static_cast<size_t>(DiffMixer::lanes), 10);
-        states.code_weights(coder, final_weights.span(), 8, 8);
+        LayerModel::code_states(coder, states, {SETTLED_RATE, 10, 8});
     }
-
-    MixerStates mixer_states() { return {contexts.span(), weights.span(), final_weights.span()}; }
-
-    Array<Context> contexts;
-    Array<int16_t> weights, final_weights;
 };
 
 } // namespace meshtide::inline MESHTIDE_ISA

@@ -83,12 +83,12 @@ void DiffSlice::enter(const Level& level) {
 
 void DiffSlice::rest() {
     if (run_.count() < ROOMY) return;
-    old_rows_ = Array<DiffRow>(budget_);
-    old_leaf_depths_ = Array<uint8_t>(budget_);
-    ring_starts_ = Array<uint32_t>(budget_);
-    neighbours_ = Array<DiffNeighbour>(budget_);
-    closed_ = Array<uint8_t>(budget_);
-    shares_ = Array<float>(budget_);
+    old_rows_.give_back();
+    old_leaf_depths_.give_back();
+    ring_starts_.give_back();
+    neighbours_.give_back();
+    closed_.give_back();
+    shares_.give_back();
 }
 
 // A vertex as a row. Another slice's gets one of its own each time that a ring touches it.
@@ -102,24 +102,23 @@ MESHTIDE_INLINE int32_t DiffSlice::row_of(const Level& level, int32_t vertex) {
 
 // The fan of the vertex' head, as walk_ring has it; kept among the neighbours, or only added up. Where it is kept, what
 // lies across its edges is looked up as well, so it is a walk of its own.
-template <bool keeping>
-MESHTIDE_INLINE DiffSlice::RingSum DiffSlice::gather_ring(const Level& level, size_t vertex) {
+MESHTIDE_ONCE DiffSlice::RingSum DiffSlice::gather_ring(const Level& level, size_t vertex, bool keeping) {
     RingSum ring;
     Span<const int32_t> corners = level.corners.span(), twins = level.twins.span();
     auto corner = [&](int32_t h) { return corners[static_cast<size_t>(h)]; };
-    [[maybe_unused]] DiffNeighbour* kept = nullptr;
-    if constexpr (keeping) kept = neighbours_.extend(RING_LIMIT + 1);
+    DiffNeighbour* kept = nullptr;
+    if (keeping) kept = neighbours_.extend(RING_LIMIT + 1);
     auto add = [&](int32_t member, int32_t across) {
         size_t place = static_cast<size_t>(member) - run_.first;
         ring.sum += place < run_.count() ? rows_[place].position : level.centres[static_cast<size_t>(member)];
-        if constexpr (keeping)
+        if (keeping)
             kept[ring.members] = {row_of(level, member), across == NONE ? NONE : row_of(level, across)};
         ring.members++;
     };
     int32_t head = level.heads[vertex], h = head;
     while (h != NONE && ring.members < RING_LIMIT) {
         int32_t ahead = next_half_edge(h), before = previous_half_edge(h), across = NONE;
-        if constexpr (keeping) {
+        if (keeping) {
             int32_t back = twins[static_cast<size_t>(ahead)];
             if (back != NONE) across = corner(previous_half_edge(back));
         }
@@ -131,7 +130,7 @@ MESHTIDE_INLINE DiffSlice::RingSum DiffSlice::gather_ring(const Level& level, si
         }
         if (h == NONE) add(corner(before), NONE); // a border: the last member has no face behind it
     }
-    if constexpr (keeping) {
+    if (keeping) {
         if (!ring.closed && ring.members != 0) kept[ring.members - 1].across = NONE; // a member after it is left out
         neighbours_.resize(neighbours_.size() - (RING_LIMIT + 1 - static_cast<size_t>(ring.members)));
     }
@@ -168,8 +167,8 @@ void DiffSlice::gather_rings(const Level& level) {
     for (size_t i = 0; i < count; i++) {
         size_t vertex = run_.first + i;
         fetch_faces(level, vertex);
-        RingSum ring = last || leaf_depths_[i] < level.depth ? gather_ring<true>(level, vertex)
-                                                             : gather_ring<false>(level, vertex);
+        RingSum ring = last || leaf_depths_[i] < level.depth ? gather_ring(level, vertex, true)
+                                                             : gather_ring(level, vertex, false);
         ring_starts_[i + 1] = static_cast<uint32_t>(neighbours_.size());
         closed_[i] = ring.closed;
         shares_[i] = ring.members != 0 ? 1 / static_cast<float>(ring.members) : 0;

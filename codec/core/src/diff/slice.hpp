@@ -73,8 +73,7 @@ private:
         int members = 0;
         bool closed = false;
     };
-    template <bool keeping>
-    RingSum gather_ring(const Level& level, size_t vertex);
+    RingSum gather_ring(const Level& level, size_t vertex, bool keeping);
     int32_t row_of(const Level& level, int32_t vertex);
 
     Budget& budget_;

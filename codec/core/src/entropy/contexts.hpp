@@ -76,7 +76,7 @@ uint32_t code_unsigned(Coder& coder, Span<Context> contexts, uint32_t value = 0)
         else if (left == known - 2)
             bit = code_bit(coder, contexts[place + 1 + (read & 1)], bit);
         else
-            bit = coder.code(32768, bit);
+            bit = static_cast<int>(code_raw(coder, 1, static_cast<uint32_t>(bit)));
         read = read << 1 | static_cast<uint32_t>(bit);
     }
     return read - 1;

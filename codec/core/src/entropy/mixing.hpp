@@ -57,7 +57,8 @@ struct EitherShape {
 };
 // or told to the code, of which one copy then serves all mixers.
 struct AnyShape {
-    static constexpr int most_groups = 5, most_neurons = 8, most_rows = 8, most_questions = 3;
+    static constexpr int most_groups = DECODES_ALL ? 5 : 2, most_neurons = DECODES_ALL ? 8 : 3;
+    static constexpr int most_rows = DECODES_ALL ? 8 : 4, most_questions = 3;
     int groups, neurons, rate, questions;
 };
 
@@ -143,7 +144,7 @@ struct Prediction {
         inputs[shape.groups] = question.numbers;
 
         const auto lanes = static_cast<size_t>(8 * shape.groups + 8);
-        I32x4 totals[8] = {};
+        I32x4 totals[Shape::most_rows] = {};
         for (int j = 0; j < shape.neurons; j++) {
             weights[j] = states.weights.begin() + static_cast<size_t>(question.neurons[j]) * lanes;
             I32x4 total = multiply_pairs(load<I16x8>(weights[j]), inputs[0]);
@@ -152,7 +153,9 @@ struct Prediction {
             totals[j] = total;
         }
         I32x4 first = sums(totals[0], totals[1], totals[2], totals[3]) >> 14;
-        I32x4 second = shape.neurons > 4 ? sums(totals[4], totals[5], totals[6], totals[7]) >> 14 : splat32(0);
+        I32x4 second = splat32(0);
+        if constexpr (Shape::most_rows > 4)
+            if (shape.neurons > 4) second = sums(totals[4], totals[5], totals[6], totals[7]) >> 14;
         opinions = greatest(least(pack(first, second), splat16(2047)), splat16(-2047));
 
         final_weights = states.final_weights.block(static_cast<size_t>(question.final_neuron) * 8, 8);

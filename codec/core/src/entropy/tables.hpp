@@ -9,6 +9,7 @@
 namespace meshtide {
 
 struct LogisticTables {
+    LogisticTables();
     std::array<int16_t, 4096> stretch; // of a probability >> 4: 256 ln(p / (1 - p)), -2047..2047
     std::array<uint16_t, 4096> squash; // of a stretched value + 2048: the probability, 48..65488
 };

@@ -142,8 +142,7 @@ public:
     }
 
     // Vertices base, base + 1, ... all: also those whose edges are all taken. lack: see above.
-    template <bool all = false>
-    MESHTIDE_INLINE void add(int32_t base, int32_t size, int kind, [[maybe_unused]] int lack = 0) {
+    MESHTIDE_INLINE void add(int32_t base, int32_t size, int kind, [[maybe_unused]] int lack, bool all) {
         size = std::min(size, SEEN_LIMIT - seen_);
         seen_ += size;
         const VertexState* states = front_.states(base, size);
@@ -357,7 +356,7 @@ private:
         I32x4 over = a > splat32(limit);
         return (a & ~over) | (splat32(limit) & over);
     }
-    static MESHTIDE_INLINE void spread(F32x4 p, F32x4& x, F32x4& y, F32x4& z) {
+    static MESHTIDE_ONCE void spread(F32x4 p, F32x4& x, F32x4& y, F32x4& z) {
         x = splat(p[0]), y = splat(p[1]), z = splat(p[2]);
     }
     // 0..15 by halves of octaves, from 1/4 on.

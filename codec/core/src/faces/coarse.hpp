@@ -55,6 +55,13 @@ struct CoarseMemory {
     Array<Crowd> crowds;    // of each vertex
     Array<uint32_t> starts; // of each vertex, in `leaving`
     Array<int32_t> leaving; // half-edges by the vertex where they begin, of those that are not plain
+
+    void give_back() {
+        images.give_back();
+        crowds.give_back();
+        starts.give_back();
+        leaving.give_back();
+    }
 };
 
 class CoarseFaces {
@@ -94,26 +101,25 @@ public:
 
     // A half-edge p -> q, or NONE.
     int32_t edge(int32_t p, int32_t q) const {
-        if (crowded(p)) {
-            int32_t found = NONE;
-            each_listed(p, q, [&](int32_t h) {
-                found = h;
-                return false;
-            });
-            return found;
-        }
+        uint32_t place = 0;
+        if (crowded(p)) return next_listed(p, q, place);
         return edge_in_fan(p, q);
     }
     // The half-edges p -> q, one of which is `known` unless that is NONE.
     template <class Visit>
     MESHTIDE_INLINE void each_at(int32_t p, int32_t q, int32_t known, Visit visit) const {
-        if (crowded(p) || crowded(q) || (known < 0 && several_))
-            each_listed(p, q, [&](int32_t h) {
-                visit(h);
-                return true;
-            });
-        else if (known >= 0)
-            visit(known);
+        bool listed = crowded(p) || crowded(q) || (known < 0 && several_);
+        uint32_t place = 0;
+        int32_t h = listed ? next_listed(p, q, place) : known;
+        while (h >= 0) {
+            visit(h);
+            h = listed ? next_listed(p, q, place) : NONE;
+        }
+    }
+    // The half-edges between p and q, those that leave p first.
+    template <class Visit>
+    void each_between(int32_t p, int32_t q, Visit visit) const {
+        for (int side = 0; side < 2; side++, std::swap(p, q)) each_at(p, q, edge(p, q), visit);
     }
     // The vertices around p, some of them twice.
     template <class Visit>
@@ -163,20 +169,17 @@ private:
         }
         return NONE;
     }
-    template <class Visit>
-    MESHTIDE_INLINE void each_listed(int32_t p, int32_t q, Visit visit) const {
+    // The next half-edge p -> q among those that leave p, from a place in their list on, or NONE.
+    int32_t next_listed(int32_t p, int32_t q, uint32_t& place) const {
         auto v = static_cast<size_t>(p);
-        if (crowds_[v] == Crowd::plain) { // there is one at most
-            int32_t h = edge_in_fan(p, q);
-            if (h >= 0) visit(h);
-            return;
-        }
+        if (crowds_[v] == Crowd::plain) return place++ == 0 ? edge_in_fan(p, q) : NONE; // there is one at most
         uint32_t first = starts_[v], last = starts_[v + 1];
         if (last - first > SEARCH_LIMIT) last = first + SEARCH_LIMIT;
-        for (uint32_t i = first; i < last; i++) {
-            int32_t h = leaving_[i];
-            if (origin(next_half_edge(h)) == q && !visit(h)) return;
+        while (first + place < last) {
+            int32_t h = leaving_[first + place++];
+            if (origin(next_half_edge(h)) == q) return h;
         }
+        return NONE;
     }
     void index(const Level& level, CoarseMemory& memory) {
         size_t faces = level.face_count(), vertices = level.heads.size();
@@ -193,7 +196,7 @@ private:
                 }
         };
         each_leaving([&](size_t v, int32_t) { starts[v + 1]++; });
-        for (size_t v = 0; v < vertices; v++) starts[v + 1] += starts[v];
+        add_up(starts);
         memory.leaving.renew(starts[vertices]);
         Span<int32_t> leaving = memory.leaving.span();
         each_leaving([&](size_t v, int32_t h) { leaving[starts[v]++] = h; });

@@ -14,10 +14,10 @@ struct FacesTask {
 
 template <class Coder>
 void code_traits(Coder& coder, FacesTraits& traits) {
-    traits.several = coder.code(32768, traits.several) != 0;
-    traits.closed = coder.code(32768, traits.closed) != 0;
-    traits.clean = coder.code(32768, traits.clean) != 0;
-    traits.extra = !traits.clean && coder.code(32768, traits.extra) != 0;
+    traits.several = code_raw(coder, 1, traits.several) != 0;
+    traits.closed = code_raw(coder, 1, traits.closed) != 0;
+    traits.clean = code_raw(coder, 1, traits.clean) != 0;
+    traits.extra = !traits.clean && code_raw(coder, 1, traits.extra) != 0;
 }
 
 // coarse: with faces and first children. fine: with centres (unless positions are unknown) and parents; its corners,

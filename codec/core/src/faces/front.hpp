@@ -45,6 +45,13 @@ struct FrontMemory {
     Array<Gate> gates;
     Array<int32_t> free_slots;
     uint32_t serial = 0;
+
+    void give_back() {
+        vertices.give_back();
+        angles.give_back();
+        gates.give_back();
+        free_slots.give_back();
+    }
 };
 
 class Front {

@@ -1,8 +1,7 @@
 // What the faces' decisions know: scores of candidates, contexts and weights. They go on from level to level.
 #pragma once
 
-#include "entropy/mixing.hpp"
-#include "entropy/states.hpp"
+#include "entropy/layer_model.hpp"
 #include "faces/candidates.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {
@@ -40,46 +39,35 @@ struct FacesNeurons {
 };
 
 template <Effort effort, bool positions>
-struct FacesModel {
+struct FacesModel : LayerModel {
+    using Places = ScorePlaces<effort, positions>;
     static constexpr auto high = FacesAsk<effort, positions>::high;
     using DecisionMixer = EffortMixer<positions ? effort : Effort::standard, FixedShape<1, 3, 4>, FixedShape<5, 4, 5>>;
 
-    explicit FacesModel(Budget& budget) : scores(budget), contexts(budget), weights(budget), final_weights(budget) {
-        scores.assign(static_cast<size_t>(ScorePlaces<effort, positions>::ROOM), 0);
-        const auto lanes = static_cast<size_t>(DecisionMixer::lanes);
-        contexts.assign(FacesContexts::COUNT +
-                            (high ? 9 * static_cast<size_t>(ScorePlaces<effort, positions>::COUNT) : 0),
-                        Context{});
-        weights.assign(FacesNeurons::COUNT * lanes, 0);
-        for (size_t j = 0; j < FacesNeurons::COUNT; j++)
-            for (size_t i = 0; i + 8 < lanes; i++)
-                if ((i & 4) == 0) weights[j * lanes + i] = high ? WEIGHT_ONE / 16 : WEIGHT_ONE / 5;
-        final_weights.assign(FacesNeurons::FINAL * 8, static_cast<int16_t>(WEIGHT_ONE / DecisionMixer::neuron_count));
+    explicit FacesModel(Budget& budget)
+        : LayerModel(budget,
+                     {FacesContexts::COUNT + (high ? 9 * static_cast<size_t>(Places::COUNT) : 0), FacesNeurons::COUNT,
+                      FacesNeurons::FINAL, static_cast<size_t>(DecisionMixer::lanes),
+                      high ? WEIGHT_ONE / 16 : WEIGHT_ONE / 5, WEIGHT_ONE / DecisionMixer::neuron_count}),
+          scores(budget) {
+        scores.assign(static_cast<size_t>(Places::ROOM), 0);
     }
 
     void copy(const FacesModel& other) {
         scores.copy(other.scores.span());
-        contexts.copy(other.contexts.span());
-        weights.copy(other.weights.span());
-        final_weights.copy(other.final_weights.span());
+        LayerModel::copy(other);
     }
-    MixerStates mixer_states() { return {contexts.span(), weights.span(), final_weights.span()}; }
 
-    // Its trained states. At effort high more terms make a score, so each is told more finely.
+    // At effort high more terms make a score, so each is told more finely.
     template <class Coder>
     void code_states(Coder& coder, StatesModel& states) {
         constexpr uint16_t SETTLED_RATE = 65536 / 14;
         const int FINER = high ? 2 : 0;
-        states.code_scores(coder, scores.span().part(0, static_cast<size_t>(ScorePlaces<effort, positions>::COUNT)),
-                           8 - FINER);
-        states.code_contexts(coder, contexts.span(), SETTLED_RATE);
-        states.code_weights(coder, weights.span(), static_cast<size_t>(DecisionMixer::lanes), 9 - FINER);
-        states.code_weights(coder, final_weights.span(), 8, 9 - FINER);
+        states.code_scores(coder, scores.span().part(0, static_cast<size_t>(Places::COUNT)), 8 - FINER);
+        LayerModel::code_states(coder, states, {SETTLED_RATE, 9 - FINER, 9 - FINER});
     }
 
     Array<int16_t> scores;
-    Array<Context> contexts;
-    Array<int16_t> weights, final_weights;
 };
 
 } // namespace meshtide::inline MESHTIDE_ISA

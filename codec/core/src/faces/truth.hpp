@@ -20,6 +20,11 @@ public:
     explicit UntoldList(Budget& budget) : corners_(budget), places_(budget), later_(budget) {}
 
     void clear() { corners_.clear(); }
+    void give_back() {
+        corners_.give_back();
+        places_.give_back();
+        later_.give_back();
+    }
     void push(int32_t corner) { corners_.push(corner); }
     // number(c): what the key of c begins with, below `numbers`; less(a, b): of keys that begin with the same one.
     template <class Number, class Less>
@@ -100,9 +105,9 @@ public:
     bool edges_repeat() const { return edges_repeat_; }
     // Gives back all that was taken.
     void rest() {
-        edges_ = UntoldList(budget_);
-        images_ = UntoldList(budget_);
-        told_ = Array<uint8_t>(budget_);
+        edges_.give_back();
+        images_.give_back();
+        told_.give_back();
     }
     // Nothing is told.
     void restart() {

@@ -25,9 +25,11 @@ struct FacesMemory {
     // Gives back what a level of so many vertices has taken, where that is much.
     void rest(size_t vertices) {
         if (vertices < ROOMY) return;
-        front = FrontMemory(budget);
-        coarse = CoarseMemory(budget);
-        for (Array<int32_t>* gates : {&stack, &later, &within}) *gates = Array<int32_t>(budget);
+        front.give_back();
+        coarse.give_back();
+        stack.give_back();
+        later.give_back();
+        within.give_back();
         truth.rest();
     }
 };
@@ -354,18 +356,17 @@ private:
         candidates_.aim(gate.half_edge, first, second, refused);
         if (high) tell_lack(p, q);
         if (p != q) {
-            coarse_.each_at(p, q, gate.ahead,
-                            [&](int32_t k) { add_children(coarse_.apex(k), coarse_.covered(k) ? COVERED : AHEAD); });
+            coarse_.each_at(p, q, gate.ahead, [&](int32_t k) { add_ahead(k, false); });
             add_children(p, SIBLING, first);
             add_children(q, SIBLING, second);
         } else if (phase == 0) {
             add_children(p, WITHIN, first);
         } else {
-            coarse_.each_neighbour(p, [&](int32_t r) { add_children(r, AROUND); });
+            add_around(p, false);
         }
     }
-    template <bool all = false>
-    MESHTIDE_ONCE void add_children(int32_t p, Kind kind, int32_t near = NONE) {
+    // all: also those whose edges are all taken.
+    MESHTIDE_ONCE void add_children(int32_t p, Kind kind, int32_t near = NONE, bool all = false) {
         int32_t base = coarse_.first_child(p), size = coarse_.child_count(p);
         if (near >= 0) {
             if (size == 1) return;
@@ -374,7 +375,15 @@ private:
                 base = std::max(base, near - 16), size = end - base;
             }
         }
-        candidates_.template add<all>(base, size, kind, high ? lack(p) : 0);
+        candidates_.add(base, size, kind, high ? lack(p) : 0, all);
+    }
+    // Of the apex of a coarse half-edge's face.
+    MESHTIDE_INLINE void add_ahead(int32_t k, bool all) {
+        add_children(coarse_.apex(k), coarse_.covered(k) ? COVERED : AHEAD, NONE, all);
+    }
+    // Of the cells around p.
+    MESHTIDE_ONCE void add_around(int32_t p, bool all) {
+        coarse_.each_neighbour(p, [&](int32_t r) { add_children(r, AROUND, NONE, all); });
     }
 
     int lack(int32_t p) const { return 8 * (std::min(coarse_.child_count(p), 3) - 1) + coarse_.uncovered_around(p); }
@@ -391,14 +400,12 @@ private:
         int32_t p = front_.parent(first), q = front_.parent(second);
         if (high) tell_lack(p, q);
         if (p != q) {
-            auto see = [&](int32_t k) { add_children<true>(coarse_.apex(k), coarse_.covered(k) ? COVERED : AHEAD); };
-            coarse_.each_at(p, q, coarse_.edge(p, q), see);
-            coarse_.each_at(q, p, coarse_.edge(q, p), see);
-            add_children<true>(p, SIBLING, first);
-            add_children<true>(q, SIBLING, second);
+            coarse_.each_between(p, q, [&](int32_t k) { add_ahead(k, true); });
+            add_children(p, SIBLING, first, true);
+            add_children(q, SIBLING, second, true);
         } else {
-            add_children<true>(p, WITHIN, first);
-            coarse_.each_neighbour(p, [&](int32_t r) { add_children<true>(r, AROUND); });
+            add_children(p, WITHIN, first, true);
+            add_around(p, true);
         }
         candidates_.weigh();
         if (!refused) return;
@@ -439,8 +446,7 @@ private:
                     uncovered += !coarse_.covered(k);
                     split = split || coarse_.split(coarse_.apex(k));
                 };
-                coarse_.each_at(p, q, coarse_.edge(p, q), see);
-                coarse_.each_at(q, p, coarse_.edge(q, p), see);
+                coarse_.each_between(p, q, see);
             }
             if (!split || faces == 0) continue;
             int32_t wanted = NONE;

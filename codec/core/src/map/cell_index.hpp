@@ -30,6 +30,11 @@ class CellIndex {
 public:
     explicit CellIndex(Budget& budget) : table_(budget), filter_(budget) {}
 
+    void give_back() {
+        table_.give_back();
+        filter_.give_back();
+    }
+
     void prepare(const Level& level, int bits) {
         shift_ = bits - level.depth;
         limit_ = 1u << level.depth;

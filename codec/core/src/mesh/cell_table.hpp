@@ -14,6 +14,8 @@ class CellTable {
 public:
     explicit CellTable(Budget& budget) : entries_(budget) {}
 
+    void give_back() { entries_.give_back(); }
+
     // Empties the table; `count` cells will come.
     void reset(size_t count) {
         int bits = static_cast<int>(std::bit_width(2 * count + 1));

@@ -16,7 +16,7 @@ void link(Level& level, Budget& budget) {
     auto corner = [&](size_t h) { return static_cast<size_t>(level.corners[h]); };
     for (size_t t = 0; t < faces; t++)
         for (size_t k = 0; k < 3; k++) starts[corner(4 * t + k) + 1]++;
-    for (size_t v = 0; v < vertices; v++) starts[v + 1] += starts[v];
+    add_up(starts.span());
     leaving.resize(3 * faces);
     for (size_t t = 0; t < faces; t++)
         for (size_t k = 0; k < 3; k++) leaving[starts[corner(4 * t + k)]++] = static_cast<uint32_t>(4 * t + k);
@@ -59,20 +59,10 @@ void link(Level& level, Budget& budget) {
 
 namespace {
 
-// Of one vertex, mostly two or three.
+// Of one vertex, mostly two or three; J. W. J. Williams, "Algorithm 232: Heapsort", 1964.
 void sort(Span<uint64_t> words) {
     size_t count = words.size();
-    constexpr size_t FEW = 16;
-    if (count <= FEW) {
-        for (size_t i = 1; i < count; i++) {
-            uint64_t word = words[i];
-            size_t place = i;
-            for (; place > 0 && words[place - 1] > word; place--) words[place] = words[place - 1];
-            words[place] = word;
-        }
-        return;
-    }
-    // J. W. J. Williams, "Algorithm 232: Heapsort", 1964.
+    if (count < 2) return;
     auto sink = [&](size_t place, size_t end) {
         for (size_t child; (child = 2 * place + 1) < end; place = child) {
             if (child + 1 < end && words[child + 1] > words[child]) child++;
@@ -97,7 +87,7 @@ void canonical_faces(const Level& level, Array<int32_t>& faces, Budget& budget) 
     // Without branches: which corner is the least is anybody's guess.
     auto least = [](const int32_t* face) { return std::min(std::min(face[0], face[1]), face[2]); };
     for (size_t t = 0; t < count; t++) starts[static_cast<size_t>(least(corners.block(4 * t, 3))) + 1]++;
-    for (size_t v = 0; v < vertices; v++) starts[v + 1] += starts[v];
+    add_up(starts.span());
     Array<uint64_t> others(budget); // the two other corners
     others.resize(count);
     for (size_t t = 0; t < count; t++) {

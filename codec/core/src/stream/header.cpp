@@ -1,12 +1,15 @@
 #include "stream/header.hpp"
 
+#include "base/effort.hpp"
+
 #include <bit>
 
 namespace meshtide {
 
 void check_share(uint64_t vertices, uint64_t faces, uint64_t told_bytes, const Limits& limits) {
     auto most = [told_bytes](uint64_t free, uint64_t share) {
-        uint64_t earned = told_bytes > UINT64_MAX / share ? UINT64_MAX : told_bytes * share;
+        bool fits = std::bit_width(told_bytes) + std::bit_width(share) <= 64;
+        uint64_t earned = fits ? told_bytes * share : UINT64_MAX;
         return earned > free ? earned : free;
     };
     expect_at_most(vertices, most(FREE_VERTICES, limits.vertices_per_byte), "vertices_per_byte");
@@ -161,6 +164,7 @@ void parse_compact(ByteReader& reader, Header& header) {
     uint64_t flags = reader.number();
     if (flags > 7) reader.fail_here("options of a compact stream that there are not");
     options.effort = (flags & flag_high) != 0;
+    if (!DECODES_ALL && options.effort != 0) fail(Fault::unsupported, "effort high");
     if ((flags & flag_mirror) != 0) {
         uint8_t axis = reader.byte();
         uint64_t sum = reader.number();
@@ -257,6 +261,7 @@ void parse_header(Span<const uint8_t> bytes, const Limits& limits, Header& heade
     if (profile > static_cast<uint8_t>(Profile::compact))
         reader.fail_here("an unknown profile; a newer meshtide may read it");
     header.profile = static_cast<Profile>(profile);
+    if (!DECODES_ALL && header.profile != Profile::compact) fail(Fault::unsupported, "profile classic");
     header.bits = reader.byte();
     if (header.bits < LEAST_BITS || header.bits > MOST_BITS) reader.fail_here("B is not 4..20");
     for (double& coordinate : header.origin) coordinate = reader.coordinate();
@@ -271,7 +276,7 @@ void parse_header(Span<const uint8_t> bytes, const Limits& limits, Header& heade
     parse_packets(reader, header, limits);
     check_shares(header, bytes.size(), limits);
     if (!distinct && header.vertices() > 1) reader.fail_here("a grid of one point for several vertices");
-    if (header.profile == Profile::compact)
+    if (!DECODES_ALL || header.profile == Profile::compact)
         parse_compact(reader, header);
     else
         parse_classic(reader, header);

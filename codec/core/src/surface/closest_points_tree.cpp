@@ -260,11 +260,11 @@ ClosestPoints::ClosestPoints(Surface surface, Budget& budget, const ClosestPoint
     size_t blocks = (faces + BLOCK_SIZE - 1) / BLOCK_SIZE;
     nodes_.reserve(blocks / 2 + 1);
     builder.divide(budget);
-    builder.keys = Array<Keyed>(budget);
+    builder.keys.give_back();
     blocks_.resize(blocks);
     block_of_face_.resize(faces);
     builder.enclose();
-    builder.vertices = Array<F32x4>(budget);
+    builder.vertices.give_back();
 }
 
 } // namespace meshtide::inline MESHTIDE_ISA

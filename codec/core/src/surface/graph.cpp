@@ -23,7 +23,7 @@ void build_graph(Span<const int32_t> faces, size_t vertices, Graph& graph, Budge
             fail(Fault::argument, "a face names a vertex that is not there");
     // A counting sort; its lists, transposed, come out ascending, and are thinned on the way.
     each_edge([&](int32_t of, int32_t) { starts[static_cast<size_t>(of) + 1]++; });
-    for (size_t v = 0; v < vertices; v++) starts[v + 1] += starts[v];
+    add_up(starts.span());
     ends.copy(starts.span());
     sources.resize(starts[vertices]);
     each_edge([&](int32_t of, int32_t source) { sources[ends[static_cast<size_t>(of)]++] = source; });

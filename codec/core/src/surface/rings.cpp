@@ -75,7 +75,7 @@ void order_rings(Span<const int32_t> faces, size_t vertices, Rings& rings, Budge
     Array<Wedge> wedges(budget);
     starts.assign(vertices + 1, 0);
     for (int32_t v : faces) starts[static_cast<size_t>(v) + 1]++;
-    for (size_t v = 0; v < vertices; v++) starts[v + 1] += starts[v];
+    add_up(starts.span());
     wedges.resize(faces.size());
     for (size_t t = 0; t + 2 < faces.size(); t += 3)
         for (size_t k = 0; k < 3; k++)
