@@ -8,7 +8,7 @@ target_compile_options(rules INTERFACE -Oz -msimd128 -fno-exceptions -fno-slp-ve
                        "SHELL:-mllvm -enable-load-pre=false" -mmultivalue
                        "SHELL:-Xclang -target-abi -Xclang experimental-mv")
 set(COLD ${SOURCES})
-list(FILTER COLD EXCLUDE REGEX "/(classic/decoder|codec/effort_layers|diff/code_diff)\\.cpp$")
+list(FILTER COLD EXCLUDE REGEX "/(codec/classic_decoder|codec/effort_layers|diff/code_diff)\\.cpp$")
 set_source_files_properties(${COLD} PROPERTIES COMPILE_OPTIONS "-mllvm;-inline-threshold=1")
 target_link_options(rules INTERFACE -Oz) # which the library of C++ is built with, too
 

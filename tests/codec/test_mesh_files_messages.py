@@ -32,7 +32,7 @@ def glb(text: bytes) -> bytes:
 JSON_TEXTS = {
     "nested lists": (b"[" * 200_000, "the JSON is nested too deeply"),
     "nested objects": (b'{"a":' * 200_000, "the JSON is nested too deeply"),
-    "nothing": (b"", "line 1, column 1 is not as JSON asks"),
+    "nothing": (b"", "it is empty"),
     "a word": (b'{\n"asset": x}', "line 2, column 10 is not as JSON asks"),
     "no text": (b'{"a": "\xff"}', "byte 7 is not text"),
     "a very long number": (b'{"a": ' + b"9" * 5000 + b"}", "a number in it is too long"),
@@ -48,7 +48,7 @@ JSON_TEXTS = {
 FILES = {
     "a damaged archive": ("a.obj.gz", gzip.compress(b"v 0 0 0\n")[:10] + b"\xff" * 20, "the archive is damaged"),
     "an archive packed twice": ("a.obj.gz", gzip.compress(gzip.compress(b"v 0 0 0\n")), "gzip archive"),
-    "an archive of nothing": ("a.obj.gz", gzip.compress(b""), "there are no vertices"),
+    "an archive of nothing": ("a.obj.gz", gzip.compress(b""), "it is empty"),
     "a damaged zip archive": ("a.3mf", b"PK\x03\x04" + bytes(50), "archive is damaged|need a library"),
     "a number of PLY": ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1e99\nend_header\n", "not understood"),
     "rows of PLY": (

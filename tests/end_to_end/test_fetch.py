@@ -224,7 +224,7 @@ def test_a_disk_that_fills_up_keeps_what_was_complete(server: Any, meshtide: Any
     [
         (["fetch", "localhost/meshes/patch"], ExitCode.USAGE, "does not start with http://"),
         (["fetch", "http://127.0.0.1:9/meshes/patch"], ExitCode.NETWORK, "Connection refused"),
-        (["fetch", "http://127.0.0.1:9/meshes/patch", "-o", "patch.doc"], ExitCode.BAD_MESH, "must end with one of"),
+        (["fetch", "http://127.0.0.1:9/meshes/patch", "-o", "patch.doc"], ExitCode.USAGE, "must end with one of"),
         (["fetch", "http://127.0.0.1:9/meshes/patch", "--timeout", "0"], ExitCode.USAGE, "timeout"),
         (["fetch", "http://127.0.0.1:9/meshes/patch", "--until-level", "-1"], ExitCode.USAGE, "until-level"),
         (["meshes", "http://127.0.0.1:9"], ExitCode.NETWORK, "cannot reach"),

@@ -34,19 +34,6 @@ def test_rooms_include_what_the_table_says_and_no_other() -> None:
         assert included <= table[room], room
 
 
-def test_rooms_but_codec_and_classic_are_layers() -> None:
-    below: list[str] = []
-    left = {room: set(others) for room, others in arrows().items()}
-    left["codec"].discard("classic")
-    left["classic"].discard("codec")
-    while left:
-        free = sorted(room for room, others in left.items() if others <= set(below))
-        assert free, f"rooms include each other: {sorted(left)}"
-        below += free
-        for room in free:
-            del left[room]
-
-
 def test_a_decode_runs_through_few_files_which_are_short() -> None:
     section = DOCUMENT.partition("### One decode, file by file")[2].partition("\n### ")[0]
     files = [ROOT / name for name in re.findall(r"^\d+\. `([\w/.]+)`", section, re.MULTILINE)]

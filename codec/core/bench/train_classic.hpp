@@ -62,7 +62,7 @@ void train_classic(const std::vector<std::unique_ptr<ClassicSample>>& samples, C
     learner.start(nullptr, learner.contexts);
 }
 
-// As `run` for profile classic: trains if asked to, then tells bytes of faces with and without training.
+// As `run` for profile classic: trains if asked to, then prints bytes of faces with and without training.
 int run_classic(const Arguments& arguments) {
     Budget budget(PLENTY);
     ClassicFacesModel trained(budget), untrained(budget);

@@ -3,7 +3,7 @@
 //   training [-e default|high|classic] [-t] [-r RUNS] [-f STATES] [MESH ...]
 //
 // `make core-train` builds and runs it. Codes meshes of samples/, each layer in payloads of its own, decodes them
-// again, and tells bytes and milliseconds of Map, faces and Diffs. -t: trains first, on those of TRAINED, and writes
+// again, and prints bytes and milliseconds of Map, faces and Diffs. -t: trains first, on those of TRAINED, and writes
 // STATES.
 #include "codec/layers.hpp"
 #include "diff/plane.hpp"
@@ -150,7 +150,7 @@ bool code(const Mesh& mesh, Models<effort>& models, Payloads& payloads, Times& t
     Array<F32x4> known(budget);
     const Level& level = chain.last();
     known.resize(level.vertex_count());
-    slice.tell(level, known.span());
+    slice.give_known(level, known.span());
     bool good = level.vertex_count() == mesh.plan.vertices && level.face_count() == mesh.plan.most_faces;
     for (size_t i = 0; good && i < mesh.sample.positions.size(); i++)
         good = known[i / 3][static_cast<int>(i % 3)] == static_cast<float>(2 * mesh.sample.positions[i] + 1);

@@ -66,7 +66,7 @@ typedef struct mt_limits {
     uint64_t header_bytes;
     uint64_t packet_bytes;
     uint64_t memory;            /* bytes that decoding takes */
-    uint64_t vertices_per_byte; /* of a level beyond 65536, by the bytes that tell of it */
+    uint64_t vertices_per_byte; /* of a level beyond 65536, by the bytes that code it */
     uint64_t faces_per_byte;    /* beyond 131072 */
 } mt_limits;
 
@@ -181,13 +181,13 @@ MT_API uint64_t mt_decoder_available(const mt_decoder* decoder);
 MT_API uint64_t mt_decoder_exact(const mt_decoder* decoder);
 /* Those that became available or better by the last push. */
 MT_API uint64_t mt_decoder_changed(const mt_decoder* decoder);
-/* Bytes of the Base and Map&Conn packets so far that tell of vertices (Map, in profile classic cells and children); to
- * a few, since both are coded in one go. The others tell of faces. */
+/* Bytes of the Base and Map&Conn packets so far that code vertices (Map, in profile classic cells and children); to
+ * a few, since both are coded in one go. The others code faces. */
 MT_API uint64_t mt_decoder_map_bytes(const mt_decoder* decoder);
-/* Fails as malformed, too: where a damaged stream has told a face twice, it is found here. */
+/* Fails as malformed, too: where a damaged stream has coded a face twice, it is found here. */
 MT_API int32_t mt_decoder_show(mt_decoder* decoder, int32_t level, mt_shown* shown, mt_error* error);
 
-/* For experiments with noise on Diffs: after `watch_diffs`, before the first packet, a push tells the Diffs that it has
+/* For experiments with noise on Diffs: after `watch_diffs`, before the first packet, a push keeps the Diffs that it has
  * decoded (of its own packet, and of others that had to wait for it), also when it failed in the end. Other numbers, as
  * many and finite, may be added in the place of each, until the next push. In profile compact Diffs are how far the
  * vertices of leaves move, in the order of the slice, and no vertex leaves its leaf cell by others; what is decoded
@@ -231,7 +231,7 @@ MT_API int32_t mt_encoder_sizes(const mt_encoder* encoder, uint64_t* cells, uint
 MT_API int32_t mt_encoder_base(mt_encoder* encoder, int32_t depth, mt_bytes* payload, mt_error* error);
 MT_API int32_t mt_encoder_next_level(mt_encoder* encoder, mt_bytes* payload, mt_error* error);
 /* A slice's bit planes down to the depth of a level that is coded are added to its next Diff; about how long that is by
- * now, 0 only where there was nothing to tell. Taken, it may be empty though there was, and the next plane begins another
+ * now, 0 only where there was nothing to code. Taken, it may be empty though there was, and the next plane begins another
  * one. */
 MT_API int32_t mt_encoder_add_planes(mt_encoder* encoder, int32_t slice, int32_t depth, uint64_t* size,
                                      mt_error* error);
@@ -241,7 +241,7 @@ MT_API void mt_encoder_finish(mt_encoder* encoder);
 /* Which strength of the display filter brings each depth from `first` to `bits` nearest to the mesh. */
 MT_API int32_t mt_encoder_strengths(mt_encoder* encoder, int32_t first, uint8_t* strengths, mt_error* error);
 /* What is drawn of a depth when the Diffs down to `known_depth` are there, as in mt_shown, written into arrays for as many
- * vertices and faces as mt_encoder_sizes tells. */
+ * vertices and faces as mt_encoder_sizes gives them. */
 MT_API int32_t mt_encoder_show(mt_encoder* encoder, int32_t depth, int32_t known_depth, int32_t strength,
                                double* positions, int32_t* faces, mt_error* error);
 /* ---- Encoding profile classic: levels are the caller's, payloads the core's ---- */
@@ -417,9 +417,9 @@ typedef struct mt_order mt_order; /* an order, or its packet; what is lent of it
 
 MT_API int32_t mt_order_encode(const mt_input_order* input, const mt_stream_mesh* mesh, mt_order** order,
                                mt_bytes* payload, mt_error* error);
-/* told: bytes of the stream besides this packet, which stand behind what it claims. */
+/* other_bytes: of the stream besides this packet, which back what it claims. */
 MT_API int32_t mt_order_decode(const mt_bytes* payload, const mt_stream_mesh* mesh, const mt_limits* limits,
-                               uint64_t told, mt_order** order, mt_input_order* input, mt_error* error);
+                               uint64_t other_bytes, mt_order** order, mt_input_order* input, mt_error* error);
 MT_API void mt_order_free(mt_order* order);
 
 #ifdef __cplusplus

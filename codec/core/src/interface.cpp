@@ -127,7 +127,7 @@ void take_fields(const mt_header& fields, Header& header) {
 
 namespace meshtide {
 
-void tell(mt_error* error, const Failure& failure, const PacketPlace* place) {
+void fill_error(mt_error* error, const Failure& failure, const PacketPlace* place) {
     if (error == nullptr) return;
     *error = {static_cast<int32_t>(failure.fault),
               -1,

@@ -15,7 +15,7 @@ struct mt_states {
 namespace meshtide {
 
 // Fills an error; `place` is of the packet that the failure is about, or null.
-void tell(mt_error* error, const Failure& failure, const PacketPlace* place);
+void fill_error(mt_error* error, const Failure& failure, const PacketPlace* place);
 
 // Runs something that may fail. In WebAssembly a failure ends the instance, and its host reads mt_last_failure, see
 // base/failure.cpp.
@@ -30,10 +30,10 @@ int32_t guarded(mt_error* error, Work work, const PacketPlace* place = nullptr) 
         work();
         return MT_OK;
     } catch (const Failure& failure) {
-        tell(error, failure, place);
+        fill_error(error, failure, place);
         return static_cast<int32_t>(failure.fault);
     } catch (const std::bad_alloc&) {
-        tell(error, {Fault::memory, "the system has no memory left"}, place);
+        fill_error(error, {Fault::memory, "the system has no memory left"}, place);
         return MT_MEMORY;
     }
 #endif

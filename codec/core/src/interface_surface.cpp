@@ -264,13 +264,13 @@ int32_t mt_order_encode(const mt_input_order* input, const mt_stream_mesh* mesh,
     return fault;
 }
 
-int32_t mt_order_decode(const mt_bytes* payload, const mt_stream_mesh* mesh, const mt_limits* limits, uint64_t told,
+int32_t mt_order_decode(const mt_bytes* payload, const mt_stream_mesh* mesh, const mt_limits* limits, uint64_t other_bytes,
                         mt_order** order, mt_input_order* input, mt_error* error) {
     constexpr PacketPlace PLACE{PacketKind::order, 0, 0};
     std::unique_ptr<mt_order> made;
     auto decode = [&] {
         made = std::make_unique<mt_order>(limits->memory);
-        decode_order({lent(payload->data, payload->size), told}, lent_stream_mesh(*mesh),
+        decode_order({lent(payload->data, payload->size), other_bytes}, lent_stream_mesh(*mesh),
                      *reinterpret_cast<const Limits*>(limits), made->order, made->budget);
         const Array<uint32_t>&vertices = made->order.vertices, &faces = made->order.faces;
         *input = {vertices.begin(), vertices.size(), faces.begin(), faces.size() / 3};

@@ -1,6 +1,6 @@
 // classic/: whatever the mesh, the filter and the order of the packets, a classic stream gives the mesh back; damaged
 // packets are refused or decode to something. Both profiles: others in the place of Diffs do what they should.
-#include "classic/decoder.hpp"
+#include "codec/classic_decoder.hpp"
 #include "classic/encoder.hpp"
 #include "classic/geometry.hpp"
 #include "streams.hpp"

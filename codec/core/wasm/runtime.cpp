@@ -1,6 +1,6 @@
 // What compiled code expects to be there: memory, and little else. WebAssembly without any library imports nothing.
 //
-// Memory comes in blocks of 32 bytes times a power of two, the first 16 of which tell how many; what is given back is
+// Memory comes in blocks of 32 bytes times a power of two, the first 16 of which hold how many; what is given back is
 // kept in a list for each size (D. E. Knuth, "The Art of Computer Programming", volume 1, 2.5, without buddies: an
 // instance of the core lives as long as a stream or two).
 #include "base/failure.hpp"

@@ -17,7 +17,7 @@
 
 namespace meshtide {
 
-// A count that a stream or a caller tells, as one of elements in memory.
+// A count that a stream or a caller gives, as one of elements in memory.
 inline size_t checked_size(uint64_t count) {
     if (count > SIZE_MAX) [[unlikely]]
         fail(Fault::limit, "more elements than memory can have");

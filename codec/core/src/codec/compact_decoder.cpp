@@ -63,7 +63,7 @@ CompactDecoder::CompactDecoder(const Header& header, const Trained& trained, Bud
 }
 
 void CompactDecoder::take(PacketPlace place, Span<const uint8_t> payload) {
-    told_ = false;
+    refined_ = false;
     int reached = has_base_ ? layers_->known_depth() : 0;
     int depth = depth_of(place.level);
     switch (place.kind) {
@@ -85,7 +85,7 @@ void CompactDecoder::take(PacketPlace place, Span<const uint8_t> payload) {
         expect(place.slice < slices_.size(), "this stream has no such packet");
         slices_[place.slice].waiting.add(budget_, depth, payload);
         decode_diffs(place.slice);
-        if (told_ || (has_base_ && layers_->known_depth() > reached)) improve(std::min(place.level, coarsest()));
+        if (refined_ || (has_base_ && layers_->known_depth() > reached)) improve(std::min(place.level, coarsest()));
         break;
     case PacketKind::preview:
         decode_preview(place, payload);
@@ -136,11 +136,11 @@ void CompactDecoder::decode_diffs(size_t slice) {
         progress.broken = true; // until it is decoded
         layers_->decode_planes(waiting[next].payload.span(), chain_, slice, depth);
         progress.broken = false;
-        told_ = told_ || waiting[next].payload.size() > 0;
+        refined_ = refined_ || waiting[next].payload.size() > 0;
         waiting.remove(next);
         if (!watching()) continue;
-        DecodedDiffs& told = tell_diffs(place_.level, place_.slice);
-        shifts().note(slice, layers_->slice(slice), chain_.at(depth), header_.bits, told.values);
+        DecodedDiffs& kept = keep_diffs(place_.level, place_.slice);
+        shifts().note(slice, layers_->slice(slice), chain_.at(depth), header_.bits, kept.values);
     }
 }
 
@@ -182,7 +182,7 @@ void CompactDecoder::show(uint32_t level, Shown& shown) {
     Array<F32x4> known(budget_);
     known.copy(cells.centres.span());
     for (size_t v = 0; v < known.size(); v++) known[v][3] = cells.cell_depths[v];
-    for (size_t slice = 0; slice < slices_.size(); slice++) layers_->slice(slice).tell(cells, known.span());
+    for (size_t slice = 0; slice < slices_.size(); slice++) layers_->slice(slice).give_known(cells, known.span());
     canonical_faces(cells, shown.faces, budget_);
     int depth = depth_of(level) - header_.compact.base_depth;
     shown.positions.resize(3 * known.size());
@@ -200,13 +200,13 @@ void show_truth(const Octree& octree, int depth, int known_depth, Strength stren
     known.resize(cells.cell_count());
     for (size_t v = 0; v < known.size(); v++) {
         size_t first = cells.first[v];
-        int told = cells.is_leaf(v) ? std::max(octree.leaf_depth(first), known_depth) : depth;
-        int shift = octree.bits - told;
+        int reached = cells.is_leaf(v) ? std::max(octree.leaf_depth(first), known_depth) : depth;
+        int shift = octree.bits - reached;
         for (size_t k = 0; k < 3; k++) {
             int32_t cell = octree.positions[3 * first + k] >> shift;
             known[v][static_cast<int>(k)] = static_cast<float>((2 * cell + 1) << shift);
         }
-        known[v][3] = static_cast<float>(told);
+        known[v][3] = static_cast<float>(reached);
     }
     draw_known({known.span(), octree.bits, strength}, cells.faces.span(), positions, budget);
 }
@@ -241,7 +241,7 @@ void CompactDecoder::decode_preview(PacketPlace place, Span<const uint8_t> paylo
     const Level& cells = chain.at(bits);
     Array<F32x4> known(budget_);
     known.resize(cells.vertex_count());
-    layers->slice(0).tell(cells, known.span());
+    layers->slice(0).give_known(cells, known.span());
     double scale = static_cast<double>((1 << header_.bits) - 1) / static_cast<double>((1 << bits) - 1);
     preview.shown.positions.resize(3 * known.size());
     for (size_t v = 0; v < known.size(); v++)

@@ -1,7 +1,7 @@
 // The decoder of profile compact: rebuilds previews and levels from their packets, in any order, also without the
 // Diffs.
 //
-// Base and Map&Conn give the cells and faces of each level, whatever happens to the Diffs. A Diff tells more bits of
+// Base and Map&Conn give the cells and faces of each level, whatever happens to the Diffs. A Diff adds bits of
 // the vertices that are alone in their cells; one that is missing leaves its vertices inside of the cells that are
 // known, and the later Diffs of its slice wait for it.
 #pragma once
@@ -63,10 +63,10 @@ private:
     List<Waiting> waiting_; // Map&Conn packets
     List<SliceProgress> slices_;
     List<Preview> previews_;
-    bool told_ = false; // a Diff of this push told something
+    bool refined_ = false; // a Diff of this push made something known
 };
 
-// Where a decoder draws the vertices of a level when the Diffs down to a depth are there, by the octree that tells the
+// Where a decoder draws the vertices of a level when the Diffs down to a depth are there, by the octree that gives the
 // truth: three coordinates for each.
 void show_truth(const Octree& octree, int depth, int known_depth, Strength strength, Span<double> positions,
                 Budget& budget);

@@ -122,7 +122,7 @@ private:
     int64_t& offset_;
 };
 
-// offset: is told how far each payload was read.
+// offset: becomes how far each payload was read.
 std::unique_ptr<DecoderLayers> make_decoder_layers(Effort effort, Budget& budget, const Plan& plan,
                                                    Span<const uint64_t> starts, const Trained& trained,
                                                    int64_t& offset);
@@ -136,7 +136,7 @@ public:
     // The bit planes of a slice up to a depth, whose level is known, are added to its payload in the making; how long
     // that is by now.
     virtual size_t add_planes(size_t slice, int depth) = 0;
-    // Ends that payload, which is empty where nothing had to be told.
+    // Ends that payload, which is empty where nothing had to be coded.
     virtual void take_planes(size_t slice, Array<uint8_t>& out) = 0;
     // Levels down to the one whose cells are all leaves, and all bit planes.
     virtual void encode_preview(Array<uint8_t>& out) = 0;

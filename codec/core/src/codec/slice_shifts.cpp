@@ -9,7 +9,7 @@ void SliceShifts::note(const DiffSlice& slice, const Level& level, int bits, Arr
     DiffSlice::Run run = slice.run_of(level);
     Array<F32x4> known(budget_);
     known.resize(level.vertex_count());
-    slice.tell(level, known.span());
+    slice.give_known(level, known.span());
     Array<uint8_t> leaf_depths(budget_);
     Array<double> shifts(budget_);
     size_t old = 0;

@@ -1,6 +1,6 @@
 #include "codec/stream_decoder.hpp"
 
-#include "classic/decoder.hpp"
+#include "codec/classic_decoder.hpp"
 #include "codec/compact_decoder.hpp"
 
 namespace meshtide::inline MESHTIDE_ISA {

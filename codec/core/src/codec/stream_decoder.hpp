@@ -32,7 +32,7 @@ struct DecodedDiffs {
     Array<double> values; // three for each, in steps of the level's grid
 };
 
-// Decodes a payload; how far it was read is told even if that fails.
+// Decodes a payload; how far it was read is known even if that fails.
 class PayloadDecoder {
 public:
     PayloadDecoder(Span<const uint8_t> payload, int64_t& offset) : coder(payload), offset_(offset) {}
@@ -80,17 +80,17 @@ public:
 
     // Those that became available or better by the last push; none if it failed.
     uint64_t changed() const { return changed_; }
-    // Bytes of what tells of vertices in the Base and Map&Conn packets that were decoded; faces take the others.
+    // Bytes that code vertices in the Base and Map&Conn packets that were decoded; faces take the others.
     virtual uint64_t map_bytes() const = 0;
 
     virtual void show(uint32_t level, Shown& shown) = 0;
-    // The packet that told the faces of a level: what a failure to show it is about.
+    // The packet that coded the faces of a level: what a failure to show it is about.
     PacketPlace faces_of(uint32_t level) const;
 
     // From now on no level that a finer one replaces needs to be shown, so it may be given back.
     void keep_finest_only() { only_finest_ = true; }
 
-    // From now on the Diffs that a push decodes are told. To be called before the first packet.
+    // From now on the Diffs that a push decodes are kept. To be called before the first packet.
     void watch_diffs();
     // Those of the packets that the last push decoded: itself, and others that had to wait for it.
     const List<DecodedDiffs>& decoded_diffs() const { return decoded_; }
@@ -107,7 +107,7 @@ protected:
     bool watching() const { return shifts_ != nullptr; }
     DiffShifts& shifts() { return *shifts_; }
     bool only_finest() const { return only_finest_; }
-    DecodedDiffs& tell_diffs(uint32_t level, uint32_t slice) { return decoded_.add(budget_, level, slice); }
+    DecodedDiffs& keep_diffs(uint32_t level, uint32_t slice) { return decoded_.add(budget_, level, slice); }
 
     const Header& header_;
     Budget& budget_;

@@ -2,7 +2,7 @@
 //
 // All offsets are in half cells of the depth that is coded, x, y, z in lanes, from the middle of the cell that the
 // vertex is known to be in, four of them wide: its bits will move it by +1 or -1 along each axis. The fourth lane of an
-// offset to a vertex is 1 if that vertex is known at this depth, else 0; that of a guess tells how many of its vertices
+// offset to a vertex is 1 if that vertex is known at this depth, else 0; that of a guess says how many of its vertices
 // are.
 #pragma once
 

@@ -5,7 +5,7 @@
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-// What the image of an owner's partner tells.
+// What is known from the image of an owner's partner.
 struct Reflection {
     F32x4 offset = {}; // from the owner, in half cells; the fourth lane: 1 if the partner is known
     int state = 0;     // 0: there is no partner; 1 + verdict, and 4 more if the partner is known

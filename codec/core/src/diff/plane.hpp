@@ -75,7 +75,7 @@ private:
         return negated(F32x4{1, 1, 1, 0}, zeros);
     }
 
-    // The axis nearest to the normal last: by then the bits of the others have told where on the surface the vertex is.
+    // The axis nearest to the normal last: by then the bits of the others have settled where on the surface the vertex is.
     MESHTIDE_INLINE F32x4 code_in_turn(size_t vertex, const Surroundings& seen, const WideView& wide,
                                        Asking<effort>& asking) {
         constexpr float SLANT = 0.15f;

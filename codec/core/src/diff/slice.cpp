@@ -178,16 +178,16 @@ void DiffSlice::gather_rings(const Level& level) {
     }
 }
 
-void DiffSlice::tell(const Level& level, Span<F32x4> known) const {
+void DiffSlice::give_known(const Level& level, Span<F32x4> known) const {
     Run run = run_of(level);
     size_t row = 0, count = run_.count();
-    int told = std::min(level.depth, known_depth_);
+    int depth = std::min(level.depth, known_depth_);
     for (size_t vertex = run.first; vertex < run.end; vertex++) {
         F32x4 middle = level.centres[vertex];
         middle[3] = static_cast<float>(level.cell_depths[vertex]);
         // Leaves stand in the same order in all levels.
         if (level.leaves[vertex] != 0 && level.cell_depths[vertex] <= known_depth_) {
-            while (row < count && leaf_depths_[row] > told) row++;
+            while (row < count && leaf_depths_[row] > depth) row++;
             if (row < count) middle = rows_[row++].position;
         }
         known[vertex] = middle;

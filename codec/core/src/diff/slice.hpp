@@ -1,4 +1,4 @@
-// What the Diffs of one slice have told so far, and what it stands on (docs/format.md, Slices, Diff).
+// What the Diffs of one slice have made known so far, and what it builds on (docs/format.md, Slices, Diff).
 //
 // A slice is a run of vertices in Morton order. It sees the vertices of other slices at the centres of their cells,
 // whatever has arrived of them; so each slice decodes without the others.
@@ -53,7 +53,7 @@ public:
     // Writes what is known of the slice's vertices into the rows of a level, be it coarser or finer than its own: the
     // middle of the smallest cell that is known to hold each, in half finest steps (2 p + 1 for a vertex whose finest
     // position p is known), and the depth of this cell in the fourth lane.
-    void tell(const Level& level, Span<F32x4> known) const;
+    void give_known(const Level& level, Span<F32x4> known) const;
 
     // The vertices of a level that are the slice's.
     struct Run {

@@ -92,7 +92,7 @@ MESHTIDE_INLINE void look_around(Span<const DiffRow> rows, const DiffRow& own, S
     float square = dot3(turn, turn);
     seen.normal = square > 0 ? turn * (1 / __builtin_sqrtf(square)) : splat(0);
     seen.plane = seen.smoothed + seen.normal * dot3(seen.far_mean - seen.smoothed, seen.normal);
-    // Floats that are not negative stand in the order of their bits; the last ones tell equals apart.
+    // Floats that are not negative stand in the order of their bits; the last ones separate equals.
     I32x4 order = (reinterpret_cast<I32x4>(magnitude(seen.normal)) & splat32(~3)) | I32x4{0, 1, 2, 3};
     seen.rank = -((order > __builtin_shufflevector(order, order, 1, 2, 0, 3)) +
                   (order > __builtin_shufflevector(order, order, 2, 0, 1, 3)));

@@ -14,7 +14,7 @@ struct LayerShape {
     int final_weight;
 };
 
-// How a layer's trained states are told, see StatesModel.
+// How a layer's trained states are read and written, see StatesModel.
 struct LayerStates {
     uint16_t settled_rate;
     int weight_shift, final_weight_shift;

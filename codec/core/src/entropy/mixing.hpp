@@ -15,7 +15,7 @@ namespace meshtide::inline MESHTIDE_ISA {
 // Weights are 16-bit, 1.0 is 2^14.
 constexpr int WEIGHT_ONE = 1 << 14;
 
-// The sign of an input, for four contexts at a time: lane k and lane k + 4 are -1 where context k tells the opposite.
+// The sign of an input, for four contexts at a time: lane k and lane k + 4 are -1 where context k holds the opposite.
 MESHTIDE_INLINE I16x8 opposed(bool a, bool b, bool c, bool d) {
     uint64_t lanes =
         (a ? 0xffffull : 0) | (b ? 0xffffull << 16 : 0) | (c ? 0xffffull << 32 : 0) | (d ? 0xffffull << 48 : 0);
@@ -55,7 +55,7 @@ struct EitherShape {
     static constexpr ByEffort<Standard::rows, High::rows> rows{};
     static constexpr int most_rows = High::most_rows;
 };
-// or told to the code, of which one copy then serves all mixers.
+// or arguments of the code, of which one copy then serves all mixers.
 struct AnyShape {
     static constexpr int most_groups = DECODES_ALL ? 5 : 2, most_neurons = DECODES_ALL ? 8 : 3;
     static constexpr int most_rows = DECODES_ALL ? 8 : 4, most_questions = 3;

@@ -7,7 +7,7 @@
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-// What a vertex' fan tells of the faces at its edges: all of them; all, but it is longer than a search; or not all.
+// What a vertex' fan has of the faces at its edges: all of them; all, but it is longer than a search; or not all.
 enum class Crowd : uint8_t { plain, wide, crowded };
 
 // crowds: of each vertex.
@@ -39,7 +39,7 @@ inline void find_crowds(const Level& level, Span<Crowd> crowds, Budget& budget) 
                 Crowd::crowded;
 }
 
-// May edges have several faces a side, or vertices several fans? Then twins do not tell all faces at an edge.
+// May edges have several faces a side, or vertices several fans? Then twins do not reach all faces at an edge.
 inline bool has_several(const Level& level, Budget& budget) {
     Array<Crowd> crowds(budget);
     crowds.renew(level.heads.size());
@@ -66,7 +66,7 @@ struct CoarseMemory {
 
 class CoarseFaces {
 public:
-    // several: edges may have more than one face a side, so that twins do not tell all of them.
+    // several: edges may have more than one face a side, so that twins do not reach all of them.
     CoarseFaces(const Level& level, CoarseMemory& memory, bool several)
         : corners_(level.corners.span()), twins_(level.twins.span()), heads_(level.heads.span()),
           children_(level.first_children.span()), several_(several) {

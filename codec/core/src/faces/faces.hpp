@@ -35,8 +35,8 @@ void code_faces(Coder& coder, const Level& coarse, Level& fine, FacesModel<effor
 
     float unit = std::bit_cast<float>((127 + task.bits - fine.depth + 1) << 23);
     auto faces = static_cast<size_t>(count);
-    auto walk = [&](FacesTraits told) {
-        FacesWalk<effort, positions, Coder> made(coder, coarse, fine, model, memory, told);
+    auto walk = [&](FacesTraits traits) {
+        FacesWalk<effort, positions, Coder> made(coder, coarse, fine, model, memory, traits);
         made.set_unit(unit);
         made.run(faces);
         return made.found();
@@ -51,7 +51,7 @@ void code_faces(Coder& coder, const Level& coarse, Level& fine, FacesModel<effor
         return;
     }
     if constexpr (Coder::encoding) {
-        // What the walk finds has to be told before it: it is guessed, and coded again where the guess was wrong, which
+        // What the walk finds has to be coded before it: it is guessed, and coded again where the guess was wrong, which
         // shows early where it promised too much. After that less and less is promised, so this ends.
         FacesModel<effort, positions> before(memory.budget);
         before.copy(model);

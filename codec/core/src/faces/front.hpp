@@ -178,7 +178,7 @@ public:
     }
 
     // The faces of the coarse level without split corners, in their slots and with their twins. The
-    // gates are left to the caller, who is told of each half-edge with which a copied face begins.
+    // gates are left to the caller, who gets each half-edge with which a copied face begins.
     template <class Copied>
     void copy(const Level& coarse, Copied copied) {
         size_t slots = coarse.face_count();
@@ -208,7 +208,7 @@ public:
         if (slots != 0) std::memcpy(twins_.block(0, 4 * slots), coarse.twins.begin(), 16 * slots);
     }
 
-    // Fills the slots that are still free with the last faces, and tells heads. No gate may be left.
+    // Fills the slots that are still free with the last faces, and sets heads. No gate may be left.
     void finish() {
         for (int32_t slot : memory_.free_slots) {
             auto hole = static_cast<size_t>(slot);

@@ -58,7 +58,7 @@ struct FacesModel : LayerModel {
         LayerModel::copy(other);
     }
 
-    // At effort high more terms make a score, so each is told more finely.
+    // At effort high more terms make a score, so each is coded more finely.
     template <class Coder>
     void code_states(Coder& coder, StatesModel& states) {
         constexpr uint16_t SETTLED_RATE = 65536 / 14;

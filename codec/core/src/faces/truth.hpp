@@ -1,4 +1,4 @@
-// What only an encoder knows: the faces of the fine level, and which of them are told already.
+// What only an encoder knows: the faces of the fine level, and which of them are coded already.
 #pragma once
 
 #include "mesh/level.hpp"
@@ -13,7 +13,7 @@ struct FacesTruth {
 };
 
 // Corners of faces, each 3 face + k, in the order of keys that begin with a number, of which the first with a key is
-// found that is not told. What is told is skipped, and the skips are remembered, so that very many faces with one key
+// found that is not coded. What is coded is skipped, and the skips are remembered, so that very many faces with one key
 // do not cost more and more.
 class UntoldList {
 public:
@@ -45,28 +45,28 @@ public:
     bool repeats(Same same) const {
         return std::adjacent_find(corners_.begin(), corners_.end(), same) != corners_.end();
     }
-    // Nothing is told.
+    // Nothing is coded yet.
     void restart() {
         later_.resize(corners_.size() + 1);
         for (size_t i = 0; i < later_.size(); i++) later_[i] = static_cast<uint32_t>(i);
     }
-    // before(c): the key of c, which begins with `number`, is less than what is sought; same(c): it is this; told(c).
-    template <class Before, class Same, class Told>
-    int32_t find(size_t number, Before before, Same same, Told told) {
+    // before(c): the key of c, which begins with `number`, is less than what is sought; same(c): it is this; coded(c).
+    template <class Before, class Same, class Coded>
+    int32_t find(size_t number, Before before, Same same, Coded coded) {
         if (number + 1 >= places_.size()) return NONE;
         const int32_t* corners = corners_.begin();
         const int32_t* place = std::partition_point(corners + places_[number], corners + places_[number + 1], before);
         auto at = static_cast<size_t>(place - corners_.begin());
         while (true) {
-            at = untold_from(at);
+            at = uncoded_from(at);
             if (at == corners_.size() || !same(corners_[at])) return NONE;
-            if (!told(corners_[at])) return corners_[at];
+            if (!coded(corners_[at])) return corners_[at];
             later_[at] = static_cast<uint32_t>(at + 1);
         }
     }
 
 private:
-    size_t untold_from(size_t at) {
+    size_t uncoded_from(size_t at) {
         size_t end = at;
         while (later_[end] != end) end = later_[end];
         while (at != end) {
@@ -78,12 +78,12 @@ private:
     }
     Array<int32_t> corners_;
     Array<uint32_t> places_; // where the corners of each number begin
-    Array<uint32_t> later_;  // of each place: the same, or a later one if what is there is told
+    Array<uint32_t> later_;  // of each place: the same, or a later one if what is there is coded
 };
 
 class TruthIndex {
 public:
-    explicit TruthIndex(Budget& budget) : budget_(budget), edges_(budget), images_(budget), told_(budget) {}
+    explicit TruthIndex(Budget& budget) : budget_(budget), edges_(budget), images_(budget), coded_(budget) {}
 
     void index(FacesTruth truth, Span<const uint32_t> parents) {
         faces_ = truth.faces;
@@ -107,30 +107,30 @@ public:
     void rest() {
         edges_.give_back();
         images_.give_back();
-        told_.give_back();
+        coded_.give_back();
     }
-    // Nothing is told.
+    // Nothing is coded yet.
     void restart() {
-        told_.assign(faces_.size() / 3, 0);
-        first_untold_ = 0;
+        coded_.assign(faces_.size() / 3, 0);
+        first_uncoded_ = 0;
         edges_.restart();
         if (has_images_) images_.restart();
     }
 
-    size_t face_count() const { return told_.size(); }
+    size_t face_count() const { return coded_.size(); }
     // The vertex so many corners after this one.
     int32_t vertex(int32_t corner, int32_t steps) const {
         return faces_[static_cast<size_t>(corner - corner % 3 + (corner + steps) % 3)];
     }
-    void tell(int32_t corner) { told_[static_cast<size_t>(corner) / 3] = 1; }
+    void mark_coded(int32_t corner) { coded_[static_cast<size_t>(corner) / 3] = 1; }
 
-    // Where a -> b begins, in the first such face that is not told yet, or NONE.
+    // Where a -> b begins, in the first such face that is not coded yet, or NONE.
     int32_t find(int32_t a, int32_t b) {
         return edges_.find(
             static_cast<size_t>(a), [&](int32_t c) { return vertex(c, 1) < b; },
-            [&](int32_t c) { return vertex(c, 0) == a && vertex(c, 1) == b; }, [&](int32_t c) { return is_told(c); });
+            [&](int32_t c) { return vertex(c, 0) == a && vertex(c, 1) == b; }, [&](int32_t c) { return is_coded(c); });
     }
-    // The first corner of the face with these ones, of which the first is the least, or NONE if there is none to tell.
+    // The first corner of the face with these ones, of which the first is the least, or NONE if there is none to code.
     int32_t find(int32_t a, int32_t b, int32_t c) const {
         size_t low = 0, high = face_count();
         int32_t wanted[3] = {a, b, c};
@@ -143,22 +143,22 @@ public:
                 high = middle;
         }
         auto first = static_cast<int32_t>(3 * low);
-        if (low == face_count() || !std::equal(wanted, wanted + 3, faces_.block(3 * low, 3)) || is_told(first))
+        if (low == face_count() || !std::equal(wanted, wanted + 3, faces_.block(3 * low, 3)) || is_coded(first))
             return NONE;
         return first;
     }
-    // The corner above p of the first face above the coarse face (p, q, r) that is not told, or NONE.
+    // The corner above p of the first face above the coarse face (p, q, r) that is not coded, or NONE.
     int32_t find_above(uint32_t p, uint32_t q, uint32_t r) {
         if (!has_images_) index_images();
         Image wanted{p, q, r};
         return images_.find(
             p, [&](int32_t c) { return image(c) < wanted; }, [&](int32_t c) { return image(c) == wanted; },
-            [&](int32_t c) { return is_told(c); });
+            [&](int32_t c) { return is_coded(c); });
     }
-    // The first face that is not told yet, as its first corner, or NONE.
+    // The first face that is not coded yet, as its first corner, or NONE.
     int32_t find_any() {
-        while (first_untold_ < face_count() && told_[first_untold_] != 0) first_untold_++;
-        return first_untold_ < face_count() ? static_cast<int32_t>(3 * first_untold_) : NONE;
+        while (first_uncoded_ < face_count() && coded_[first_uncoded_] != 0) first_uncoded_++;
+        return first_uncoded_ < face_count() ? static_cast<int32_t>(3 * first_uncoded_) : NONE;
     }
 
 private:
@@ -171,7 +171,7 @@ private:
         return parents_[static_cast<size_t>(vertex(corner, steps))];
     }
     Image image(int32_t corner) const { return {parent(corner, 0), parent(corner, 1), parent(corner, 2)}; }
-    bool is_told(int32_t corner) const { return told_[static_cast<size_t>(corner) / 3] != 0; }
+    bool is_coded(int32_t corner) const { return coded_[static_cast<size_t>(corner) / 3] != 0; }
     void index_images() {
         has_images_ = true;
         for (size_t i = 0; i < faces_.size(); i++) {
@@ -192,8 +192,8 @@ private:
     Span<const int32_t> faces_;
     Span<const uint32_t> parents_;
     UntoldList edges_, images_;
-    Array<uint8_t> told_;
-    size_t first_untold_ = 0;
+    Array<uint8_t> coded_;
+    size_t first_uncoded_ = 0;
     bool has_images_ = false, edges_repeat_ = false;
 };
 

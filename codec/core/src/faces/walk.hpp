@@ -1,4 +1,4 @@
-// The walk over a fine level, which tells its faces one after the other (docs/format.md, Connectivity).
+// The walk over a fine level, which codes its faces one after the other (docs/format.md, Connectivity).
 //
 // C. Touma and C. Gotsman, "Triangle mesh compression", 1998, with the coarse level as the source of candidates. Gates
 // are a stack; those whose candidates are in doubt wait until nothing else is left.
@@ -156,7 +156,7 @@ private:
         int32_t face = b < a && b < c   ? truth_.find(b, c, a)
                        : c < a && c < b ? truth_.find(c, a, b)
                                         : truth_.find(a, b, c);
-        if (face >= 0) truth_.tell(face);
+        if (face >= 0) truth_.mark_coded(face);
     }
 
     // A half-edge u -> v for which no gate waits: a gate of its own, if another face may stand there.
@@ -335,7 +335,7 @@ private:
         front_.close(k);
     }
     void take(int32_t k, int32_t apex, int32_t wanted) {
-        if constexpr (Coder::encoding) truth_.tell(wanted);
+        if constexpr (Coder::encoding) truth_.mark_coded(wanted);
         const Gate& gate = front_.gate(k);
         int32_t p = front_.parent(gate.to), q = front_.parent(gate.from);
         add_face(k, apex, image(p, q, front_.parent(apex), gate.ahead));
@@ -465,7 +465,7 @@ private:
             int32_t first = turned ? b : a, second = turned ? a : b;
             gather_all(edge, first, second, false);
             int32_t apex = code_apex(first, second, Coder::encoding ? truth_.vertex(wanted, 2) : NONE);
-            if constexpr (Coder::encoding) truth_.tell(wanted);
+            if constexpr (Coder::encoding) truth_.mark_coded(wanted);
             add_loose(first, second, apex);
             had_extra_ = true;
             return true;
@@ -497,7 +497,7 @@ private:
             int32_t want = Coder::encoding ? truth_.vertex(wanted, k) : NONE;
             corners[k] = size > 256 ? base + code_place(size, want - base) : code_nearest(base, size, k, corners, want);
         }
-        if constexpr (Coder::encoding) truth_.tell(wanted);
+        if constexpr (Coder::encoding) truth_.mark_coded(wanted);
         add_loose(corners[0], corners[1], corners[2]);
     }
     int32_t code_place(int32_t size, int32_t place) {
@@ -535,9 +535,9 @@ private:
         int32_t wanted = NONE, corners[3] = {0, 0, 0};
         if constexpr (Coder::encoding) {
             wanted = truth_.find_any();
-            expect(wanted >= 0, "faces that are told twice");
+            expect(wanted >= 0, "faces that are coded twice");
             for (int k = 0; k < 3; k++) corners[k] = truth_.vertex(wanted, k);
-            truth_.tell(wanted);
+            truth_.mark_coded(wanted);
         }
         auto n = static_cast<int32_t>(fine_.parents.size());
         corners[0] = last_leftover_ + decisions_.code_number(1, corners[0] - last_leftover_);

@@ -65,7 +65,7 @@ public:
         return table_.find(cell[0], cell[1], cell[2]);
     }
 
-    // Calls `found(direction, vertex)` for each of the 26 neighbours that there is. Most are not, which one bit tells.
+    // Calls `found(direction, vertex)` for each of the 26 neighbours that there is. Most are not, which one bit shows.
     template <class Found>
     MESHTIDE_INLINE void find_neighbours(F32x4 centre, const Found& found) const {
         Cell home = cell_of(centre);

@@ -1,4 +1,4 @@
-// What a neighbour tells of itself.
+// What a neighbour contributes.
 #pragma once
 
 #include "base/lanes.hpp"

@@ -1,4 +1,4 @@
-// What the fan around a cell tells of its children, before any of them is coded (docs/format.md, Survey of a cell).
+// What the fan around a cell shows of its children, before any of them is coded (docs/format.md, Survey of a cell).
 #pragma once
 
 #include "map/cell_index.hpp"

@@ -1,7 +1,7 @@
 // Which vertex lives in a cell: the hash table behind both mirrors (docs/format.md, Cell table).
 //
 // It guides predictions only, so it may forget: an entry has one of 16 places from its home on, or none, and a cell is
-// told from others by 32 bits of its hash. Both directions forget alike. No stream makes a look-up longer than that.
+// distinguished from others by 32 bits of its hash. Both directions forget alike. No stream makes a look-up longer than that.
 #pragma once
 
 #include "base/memory.hpp"

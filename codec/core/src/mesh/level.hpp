@@ -41,7 +41,7 @@ MESHTIDE_INLINE int32_t previous_half_edge(int32_t h) { return (h & 3) == 0 ? h 
 // from the corners alone.
 void link(Level& level, Budget& budget);
 
-// Faces of a level as they are told to others: each rotated so that its least corner comes first, in lexicographic
+// Faces of a level as others see them: each rotated so that its least corner comes first, in lexicographic
 // order.
 void canonical_faces(const Level& level, Array<int32_t>& faces, Budget& budget);
 

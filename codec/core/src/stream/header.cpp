@@ -6,10 +6,10 @@
 
 namespace meshtide {
 
-void check_share(uint64_t vertices, uint64_t faces, uint64_t told_bytes, const Limits& limits) {
-    auto most = [told_bytes](uint64_t free, uint64_t share) {
-        bool fits = std::bit_width(told_bytes) + std::bit_width(share) <= 64;
-        uint64_t earned = fits ? told_bytes * share : UINT64_MAX;
+void check_share(uint64_t vertices, uint64_t faces, uint64_t coding_bytes, const Limits& limits) {
+    auto most = [coding_bytes](uint64_t free, uint64_t share) {
+        bool fits = std::bit_width(coding_bytes) + std::bit_width(share) <= 64;
+        uint64_t earned = fits ? coding_bytes * share : UINT64_MAX;
         return earned > free ? earned : free;
     };
     expect_at_most(vertices, most(FREE_VERTICES, limits.vertices_per_byte), "vertices_per_byte");
@@ -112,7 +112,7 @@ void parse_packets(ByteReader& reader, Header& header, const Limits& limits) {
         reader.fail_here("the table of states does not end with level 0");
 }
 
-// Sizes of levels against the bytes that tell of them: Diffs may be missing, so they do not count.
+// Sizes of levels against the bytes that code them: Diffs may be missing, so they do not count.
 void check_shares(const Header& header, size_t header_bytes, const Limits& limits) {
     uint64_t known[MOST_LEVEL + 1] = {}; // bytes of the packets of that level
     for (const PacketEntry& packet : header.packets) {
@@ -223,7 +223,7 @@ void parse_classic(ByteReader& reader, Header& header) {
         options.degree = reader.byte();
         options.chebyshev = reader.byte();
         options.norm = reader.coordinate();
-        bool infinite = options.norm == 0; // how l-infinity is told
+        bool infinite = options.norm == 0; // how l-infinity is written
         if (options.degree > MOST_DEGREE || options.chebyshev > 1 ||
             !(infinite || (options.norm >= 1 && options.norm <= 2)))
             reader.fail_here("a filter of another degree, basis or norm than there are");

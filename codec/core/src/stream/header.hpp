@@ -1,7 +1,7 @@
 // The stream header: all that a receiver knows before the first packet (docs/format.md, Header).
 //
 // Nothing in it is believed before it is checked: counts against the limits before memory is taken, tables against each
-// other, the sizes of levels against the bytes that tell of them.
+// other, the sizes of levels against the bytes that code them.
 #pragma once
 
 #include "base/memory.hpp"
@@ -22,13 +22,13 @@ struct Limits {
     uint64_t header_bytes = 1u << 24;
     uint64_t packet_bytes = 1u << 30;
     uint64_t memory = 1ull << 34;          // bytes that decoding takes
-    uint64_t vertices_per_byte = 1u << 12; // beyond FREE_VERTICES, by the bytes that tell of them
+    uint64_t vertices_per_byte = 1u << 12; // beyond FREE_VERTICES, by the bytes that code them
     uint64_t faces_per_byte = 1u << 13;    // beyond FREE_FACES
 };
 constexpr uint64_t FREE_VERTICES = 1u << 16, FREE_FACES = 1u << 17;
 
 // Fails where so few bytes claim a mesh of that size.
-void check_share(uint64_t vertices, uint64_t faces, uint64_t told_bytes, const Limits& limits);
+void check_share(uint64_t vertices, uint64_t faces, uint64_t coding_bytes, const Limits& limits);
 
 enum class Profile : uint8_t { classic = 0, compact = 1 };
 enum class PacketKind : uint8_t { base = 0, map_conn = 1, param = 2, diff = 3, preview = 4, order = 5 };
@@ -74,7 +74,7 @@ struct ClassicOptions {
     FilterKind filter = FilterKind::zeroth;
     uint8_t degree = 0, denominator_degree = 0;
     uint8_t chebyshev = 0; // basis: 0 powers, 1 Chebyshev polynomials
-    double norm = 2;       // what the encoder minimised; tells a decoder nothing
+    double norm = 2;       // what the encoder minimised; means nothing to a decoder
     double taubin_lambda = 0, taubin_mu = 0;
 };
 

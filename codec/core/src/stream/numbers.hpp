@@ -5,7 +5,7 @@
 
 namespace meshtide {
 
-// Bytes that are read from front to end; every failure tells where.
+// Bytes that are read from front to end; every failure says where.
 class ByteReader {
 public:
     explicit ByteReader(Span<const uint8_t> bytes) : bytes_(bytes) {}
@@ -33,7 +33,7 @@ private:
 void write_number(Array<uint8_t>& out, uint64_t value);
 void write_signed(Array<uint8_t>& out, int64_t value);
 void write_fixed(Array<uint8_t>& out, int count, uint64_t value);
-// The shortest form that tells a finite number exactly: decimal, single, or double.
+// The shortest form that gives a finite number exactly: decimal, single, or double.
 void write_coordinate(Array<uint8_t>& out, double value);
 
 // How far a state is from the finest mesh, in fractions of its diagonal, as a header holds it: rounded up, two bytes.

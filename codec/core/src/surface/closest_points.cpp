@@ -9,7 +9,7 @@ namespace meshtide::inline MESHTIDE_ISA {
 namespace {
 
 constexpr double WELL_SHAPED = 1e-10;  // (sine of a corner)^2 below which the sides have a say in any case
-constexpr size_t PROBES = 32;          // searches that tell how long all of them would take
+constexpr size_t PROBES = 32;          // searches that show how long all of them would take
 constexpr double ORDINARY = 40.0;      // visited nodes of a search that is no reason to look at fewer points
 constexpr double VISITS_ALLOWED = 3e5; // nodes visited in all before fewer points are looked at
 
@@ -73,7 +73,7 @@ MESHTIDE_INLINE F32x4 ClosestPoints::squared_distances(const Node& node, const P
 }
 
 // From the plane where the point is over the triangle, otherwise from the nearest side. Whether it is over the triangle
-// is told by products with the normal, which stay right for slivers.
+// is decided by products with the normal, which stay right for slivers.
 MESHTIDE_INLINE F32x4 ClosestPoints::squared_distances(const Block& block, const Point& point) {
     F32x4 p[3], b[3], c[3], q[3], e[3]; // from the first corner, but for q, from the second
     for (int k = 0; k < 3; k++) {

@@ -20,7 +20,7 @@ struct Strength {
     uint8_t smoothing, sharpening;
 };
 
-// Those that a header can tell: found one after the other, each the one that brings the levels of eight meshes nearest
+// Those that a header can name: found one after the other, each the one that brings the levels of eight meshes nearest
 // on average.
 constexpr size_t STRENGTH_COUNT = 16;
 constexpr Strength STRENGTHS[STRENGTH_COUNT] = {{0, 0},   {13, 13}, {26, 26}, {38, 26}, {51, 0},  {64, 26},

@@ -1,4 +1,4 @@
-// Mirror symmetry: found by the encoder, told in the stream's header, used as a context by Map and Diff.
+// Mirror symmetry: found by the encoder, kept in the stream's header, used as a context by Map and Diff.
 //
 // Scanned and modelled objects are often symmetric to a plane across an axis. The encoder looks for the plane that
 // takes the most vertices to within a step of another vertex; candidates are the middle of the bounding box and the

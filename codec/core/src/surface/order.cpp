@@ -139,7 +139,7 @@ private:
         return code_bit(coder, contexts[1], place == following) != 0 ? following : (before + 2) % 3;
     }
 
-    // Which of the faces with the same key it is, as a step from one more than the one told there before.
+    // Which of the faces with the same key it is, as a step from one more than the one coded there before.
     template <class Coder>
     int64_t code_rank(Coder& coder, Context (&contexts)[SIGNED_CONTEXTS], size_t key, int64_t row) {
         Span<const uint32_t> faces = by_key_.of(key);
@@ -241,10 +241,10 @@ void decode_order(const OrderPacket& packet, const StreamMesh& mesh, const Limit
                   Budget& budget) {
     ByteReader reader(packet.payload);
     uint64_t vertices = reader.number(), faces = reader.number(), by_row = reader.number();
-    expect(by_row <= 1, "an order that is told in no known way");
+    expect(by_row <= 1, "an order of no known form");
     expect_at_most(vertices, std::min<uint64_t>(limits.vertices, INT32_MAX), "vertices");
     expect_at_most(faces, std::min<uint64_t>(limits.faces, INT32_MAX), "faces");
-    check_share(vertices, faces, packet.told + packet.payload.size(), limits);
+    check_share(vertices, faces, packet.other_bytes + packet.payload.size(), limits);
     order.vertices.assign(static_cast<size_t>(vertices), 0);
     order.faces.assign(3 * static_cast<size_t>(faces), 0);
     OrderContexts contexts;

@@ -8,7 +8,7 @@ namespace meshtide::inline MESHTIDE_ISA {
 // Points on the faces, evenly by area, or by their number if none has an area, in the order of the list of faces. The
 // same seed gives the same points. O(faces + samples).
 //
-// Each sample falls into its own share of the area; where in its share, and where in its triangle, is told by a
+// Each sample falls into its own share of the area; where in its share, and where in its triangle, is decided by a
 // sequence without clumps (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
 void sample(const Surface& surface, Span<const uint32_t> order, uint64_t seed, Span<Foot> samples, Budget& budget);
 

@@ -9,7 +9,7 @@
 namespace meshtide::inline MESHTIDE_ISA {
 
 struct Keyed {
-    uint64_t key; // of at most the bits that the sort is told
+    uint64_t key; // of at most the bits that the sort is given
     uint32_t place;
 };
 

@@ -12,7 +12,7 @@
 
 namespace meshtide::inline MESHTIDE_ISA {
 
-// The filter that a header tells.
+// The filter of a header.
 Filter filter_of(const ClassicOptions& options);
 
 class ClassicDecoder final : public StreamDecoder {

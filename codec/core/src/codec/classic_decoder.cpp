@@ -1,4 +1,4 @@
-#include "classic/decoder.hpp"
+#include "codec/classic_decoder.hpp"
 
 #include "classic/coders.hpp"
 #include "classic/geometry.hpp"
@@ -129,8 +129,8 @@ void ClassicDecoder::decode_diff(uint32_t number, Span<const uint8_t> payload) {
     improve(number);
     forget_geometry(number);
     if (!watching()) return;
-    DecodedDiffs& told = tell_diffs(number, 0);
-    for (int32_t difference : level.differences) told.values.push(difference);
+    DecodedDiffs& kept = keep_diffs(number, 0);
+    for (int32_t difference : level.differences) kept.values.push(difference);
 }
 
 void ClassicDecoder::replace(const DecodedDiffs& decoded, Span<const double> values) {
