@@ -32,7 +32,7 @@ def glb(text: bytes) -> bytes:
 JSON_TEXTS = {
     "nested lists": (b"[" * 200_000, "the JSON is nested too deeply"),
     "nested objects": (b'{"a":' * 200_000, "the JSON is nested too deeply"),
-    "nothing": (b"", "it is empty"),
+    "nothing": (b"", "it is empty|line 1, column 1 is not as JSON asks"),
     "a word": (b'{\n"asset": x}', "line 2, column 10 is not as JSON asks"),
     "no text": (b'{"a": "\xff"}', "byte 7 is not text"),
     "a very long number": (b'{"a": ' + b"9" * 5000 + b"}", "a number in it is too long"),
