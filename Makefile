@@ -77,9 +77,9 @@ wasm: $(VENV)/zig.done ## The decoder as WebAssembly, codec/core/wasm/*.wasm, an
 		cmake --build --preset wasm --parallel $(JOBS) && ctest --preset wasm
 	cp build/wasm/meshtide.wasm build/wasm/meshtide-full.wasm codec/core/wasm/
 
-web: ## The npm package of client/web: built, checked, its tests run by Node.
+web: $(VENV)/test.done ## The npm package of client/web: built, checked, its tests run by Node against a server of this repository.
 	@command -v npm > /dev/null || { echo "make web needs Node and npm, which are not here: install nodejs and npm" >&2; exit 1; }
-	cd client/web && npm ci --no-audit --no-fund && npm run build && npm run check && npm test
+	cd client/web && npm ci --no-audit --no-fund && npm run build && npm run check && MESHTIDE=$(CURDIR)/$(BIN)/meshtide npm test
 
 clean: ## Remove the virtual environment and all caches.
 	rm -rf $(VENV) build codec/meshtide_codec/libmeshtide_core_* .pytest_cache .mypy_cache .ruff_cache .hypothesis demo-output client/web/dist client/web/node_modules

@@ -13,7 +13,7 @@ const copy = (folder, ending) => {
 rmSync(dist, { recursive: true, force: true });
 mkdirSync(dist);
 await build({
-  entryPoints: ["decoder", "decoding", "worker", "worker_service"].map((name) =>
+  entryPoints: ["decoder", "decoding", "loader", "worker", "worker_service"].map((name) =>
     fileURLToPath(new URL(`src/${name}.ts`, here)),
   ),
   outdir: dist,

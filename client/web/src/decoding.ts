@@ -36,6 +36,8 @@ export interface Level {
 
 export class Decoding {
   header: Header | undefined;
+  /** Bytes of the file up to the last packet that is due; 0 before the header is there. */
+  dueBytes = 0;
   #core: Core | undefined;
   #failed: MeshtideError | undefined;
   #pieces: Uint8Array[] = [];
@@ -135,6 +137,7 @@ export class Decoding {
     const header = core.header();
     await this.#locateLater(PREAMBLE_BYTES, () => core.start(header, this.files));
     this.#due = duePackets(header, this.#taken, this.until);
+    this.dueBytes = header.packets.slice(0, this.#due).reduce((sum, { length }) => sum + length, this.#taken);
     this.#core = core;
     this.header = header;
     return true;

@@ -5,8 +5,8 @@
  *     ├── StreamError      bytes that are damaged, or no meshtide stream      not-a-stream, version, damaged, malformed
  *     │   ├── LimitError   the stream claims more than the limits allow       limit
  *     │   └── CutError     the stream ends early; what came before is usable  cut
- *     ├── TransferError    the network or the server failed                   http, network, protocol
- *     └── RuntimeError     the browser cannot decode                          memory, wasm, internal, disposed
+ *     ├── TransferError    the network or the server failed                   http, network, protocol, refused, changed
+ *     └── RuntimeError     it cannot go on in this page                       memory, wasm, internal, disposed, aborted
  */
 
 export type ErrorCode =
@@ -19,6 +19,9 @@ export type ErrorCode =
   | "http"
   | "network"
   | "protocol"
+  | "refused"
+  | "changed"
+  | "aborted"
   | "memory"
   | "wasm"
   | "internal"
@@ -75,6 +78,9 @@ const CLASSES: Record<ErrorCode, Constructor> = {
   http: TransferError,
   network: TransferError,
   protocol: TransferError,
+  refused: TransferError,
+  changed: TransferError,
+  aborted: RuntimeError,
   memory: RuntimeError,
   wasm: RuntimeError,
   internal: RuntimeError,

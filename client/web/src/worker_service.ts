@@ -16,6 +16,8 @@ export interface Pushed {
   /** Of the stream, with the first answer after it is known. */
   readonly header: Header | null;
   readonly complete: boolean;
+  /** Of the file up to the last packet that is due; 0 before the header is there. */
+  readonly dueBytes: number;
 }
 
 export interface Answer {
@@ -73,7 +75,10 @@ async function answered(
     const header = stream.headerTold ? null : (decoding.header ?? null);
     stream.headerTold ||= header !== null;
     const transfer = level === null ? [] : [level.positions.buffer, level.normals.buffer, level.indices.buffer];
-    return [{ call, pushed: { level, header, complete: decoding.complete } }, transfer as ArrayBuffer[]];
+    return [
+      { call, pushed: { level, header, complete: decoding.complete, dueBytes: decoding.dueBytes } },
+      transfer as ArrayBuffer[],
+    ];
   } catch (error) {
     return [{ call, error: plainError(error) }, []];
   }

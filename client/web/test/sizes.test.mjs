@@ -19,7 +19,9 @@ test("what a page fetches stays within its budget", (context) => {
   const budgets = [
     ["decoder.js", withImports("decoder.js"), 2500],
     ["worker.js", withImports("worker.js"), 6000],
-    ["meshtide.wasm", compressed("meshtide.wasm"), 53000],
+    ["loader.js", withImports("loader.js"), 10000],
+    ["meshtide.wasm", compressed("meshtide.wasm"), 36000],
+    ["meshtide-full.wasm", compressed("meshtide-full.wasm"), 50000],
     ["default.states", compressed("default.states"), 25000],
   ];
   for (const [name, bytes, allowed] of budgets) {
