@@ -11,7 +11,7 @@ CORE := $(shell find codec/core/src codec/core/include -type f) \
 	$(addprefix codec/core/,CMakeLists.txt exports.map build_backend.py)
 ZIG := $(shell sed -n 's/^ZIG = "\(.*\)"/\1/p' codec/core/build_backend.py)
 
-.PHONY: demo test lint fuzz core-test core-work core-sanitize core-aarch64 core-train wasm clean
+.PHONY: demo test lint fuzz core-test core-work core-sanitize core-aarch64 core-train wasm web clean
 .DEFAULT_GOAL := demo
 
 $(VENV)/demo.done: pyproject.toml $(CORE)
@@ -77,6 +77,10 @@ wasm: $(VENV)/zig.done ## The decoder as WebAssembly, codec/core/wasm/*.wasm, an
 		cmake --build --preset wasm --parallel $(JOBS) && ctest --preset wasm
 	cp build/wasm/meshtide.wasm build/wasm/meshtide-full.wasm codec/core/wasm/
 
+web: $(VENV)/test.done ## The npm package of client/web: built, checked, its tests run by Node against a server of this repository.
+	@command -v npm > /dev/null || { echo "make web needs Node and npm, which are not here: install nodejs and npm" >&2; exit 1; }
+	cd client/web && npm ci --no-audit --no-fund && npm run build && npm run check && MESHTIDE=$(CURDIR)/$(BIN)/meshtide npm test
+
 clean: ## Remove the virtual environment and all caches.
-	rm -rf $(VENV) build codec/meshtide_codec/libmeshtide_core_* .pytest_cache .mypy_cache .ruff_cache .hypothesis demo-output
+	rm -rf $(VENV) build codec/meshtide_codec/libmeshtide_core_* .pytest_cache .mypy_cache .ruff_cache .hypothesis demo-output client/web/dist client/web/node_modules
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
