@@ -1,6 +1,6 @@
 """The input's order: its vertices, its faces and their first corners, which quantization gives up, kept on request.
 
-A stream's vertices stand in Morton order, welded ones are one, its faces are sorted and start at their smallest
+A stream's vertices are in Morton order, welded ones are one, its faces are sorted and start at their smallest
 index. Who needs the input's own order, for attributes that are kept elsewhere, stores it behind the last packet:
 the number of input vertices and of input faces, then the stream vertex of each vertex, then the corners of each face
 (codec/core, surface/order.hpp). Faces that quantization made degenerate or merged come back too. O(n + m log m).

@@ -2,7 +2,7 @@
 
 The coarsest mesh comes first as one Base packet; every finer level then brings Map&Conn (how its vertices split,
 and its faces), Param (filter coefficients) and Diff (true minus predicted geometry). On the wire and in a file a
-packet is its bare payload: its kind, level, slice, length and checksum stand in the stream header's packet table.
+packet is its bare payload: its kind, level, slice, length and checksum are in the stream header's packet table.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a mesh file holds: geometries, the nodes that place them, materials, images; and all of it as one mesh.
 
 The shape is glTF's, the richest of the formats: other files become a scene of one node. What meshtide has no use for is
-kept as it stands, in `document` and in the `properties` of nodes and materials, so that it can be written again.
+kept unchanged, in `document` and in the `properties` of nodes and materials, so that it can be written again.
 """
 
 from __future__ import annotations

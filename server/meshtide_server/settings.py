@@ -272,7 +272,7 @@ class Settings(BaseSettings):
     )
     @classmethod
     def _split(cls, value: object) -> object:
-        """A comma-separated list, as it stands in an environment variable, becomes a tuple."""
+        """A comma-separated list, as it is in an environment variable, becomes a tuple."""
         if isinstance(value, str):
             return tuple(part.strip() for part in value.split(",") if part.strip())
         return value

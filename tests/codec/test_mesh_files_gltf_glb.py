@@ -34,7 +34,7 @@ def test_unknown_chunks_are_skipped() -> None:
 def test_bytes_after_the_end_are_told() -> None:
     scene = read(pyramid_file().glb() + b"junk!")
     assert len(scene.mesh().faces) == 6
-    assert scene.notes == ("5 bytes stand after the end of the file: not read",)
+    assert scene.notes == ("5 bytes follow the end of the file: not read",)
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def cases() -> list[tuple[bytes, str]]:
         (b"\xa2" + old[1:], "does not say attributes"),
         (b"\xe1" + old[1:], "does not say attributes"),
         (old[:20], "take at least 41 bytes, but there are 20"),
-        (new[:1] + bytes(30) + new[1:], "stand after the last element"),
+        (new[:1] + bytes(30) + new[1:], "follow the last element"),
         (old[:1] + b"\xff" * (len(old) - 1), "cut short"),
         (new[:1] + b"\xff" * (len(new) - 3) + b"\0\0", "cut short"),
         (new[:-1] + b"\x03", "channel is of an unknown mode"),

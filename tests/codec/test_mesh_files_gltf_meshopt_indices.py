@@ -84,7 +84,7 @@ def test_each_kind_of_code(codes: str, data: bytes, faces: list[list[int]]) -> N
         (b"\xe1\xf1" + b"\0\x30" + bytes(14), 1, "did not come"),
         (b"\xe1\xff" + bytes(16), 1, "cut short"),
         (b"\xe1\xff\xff\xff\xff\xff\xff\xff\xff" + bytes(16), 1, "longer than five bytes"),
-        (b"\xe1\xf0\0" + bytes(16), 1, "1 bytes stand after the last triangle"),
+        (b"\xe1\xf0\0" + bytes(16), 1, "1 bytes follow the last triangle"),
         (b"\xe1\xf0" + bytes(15) + b"\1", 1, "table of codes"),
         (b"\xe1\xf0" + b"\x0f" + bytes(15), 1, "table of codes"),
         (b"\xe1\xf0" + b"\xf0" + bytes(15), 1, "table of codes"),

@@ -142,7 +142,7 @@ class MeshAddress:
 
 
 def _quoted(mesh: str) -> str:
-    """An id as it stands in an address: slashes as they are, unless it would be read as another one then.
+    """An id as it is in an address: slashes as they are, unless it would be read as another one then.
 
     >>> _quoted("my scans/bunny"), _quoted("../bunny")
     ('my%20scans/bunny', '..%2Fbunny')

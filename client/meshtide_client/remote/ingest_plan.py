@@ -60,7 +60,7 @@ class Ingested:
         state: "done", "kept" for one whose content was there already, "failed", "left" for one that was not begun, or
             "skipped" for what lies in a folder and is not a file.
         error: why it failed, was left or skipped.
-        notes: what of the file is not in the stream, or was read otherwise than it stands there.
+        notes: what of the file is not in the stream, or was read differently.
     """
 
     file: Path

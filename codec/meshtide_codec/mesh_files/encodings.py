@@ -112,7 +112,7 @@ def refuse_control(text: bytes, end: int) -> None:
     found = CONTROL.search(text, 0, end) if has_control(np.frombuffer(text, np.uint8)) else None
     if found is not None:
         line = text.count(b"\n", 0, found.start()) + 1
-        raise MeshFileError(f"line {line}: a control byte ({found.group()[0]:#04x}) stands in it; the file is damaged")
+        raise MeshFileError(f"line {line}: a control byte ({found.group()[0]:#04x}) is in it; the file is damaged")
 
 
 def _mark(head: bytes) -> tuple[bytes, str] | None:

@@ -1,4 +1,4 @@
-"""Sample meshes that ship with the package; their origins and licences stand in LICENSES.md beside them.
+"""Sample meshes that ship with the package; their origins and licences are in LICENSES.md beside them.
 
 Each is one compressed numpy archive of float32 vertices and int32 faces, made by tools/make_samples.py.
 """

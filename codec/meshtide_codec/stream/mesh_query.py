@@ -29,7 +29,7 @@ class Asked:
     Args:
         meaning: for people.
         name: in an address; that of the field if it is empty.
-        example: a value as it stands in an address.
+        example: a value as it is in an address.
         largest: that a number may be.
     """
 
@@ -48,9 +48,9 @@ class MeshQuery:
     """What is asked for; what is left out does not matter.
 
     Args:
-        text: words that all stand in a mesh's id, name or tags, in any case.
+        text: words that are all in a mesh's id, name or tags, in any case.
         tags: that it has all of.
-        licence: words that stand in the text of its terms, in any case; a folder's meshes have none.
+        licence: words that are in the text of its terms, in any case; a folder's meshes have none.
         status: "ready", "encoding" or "failed".
         smallest: bytes of its stream, at least.
         largest: bytes of its stream, at most.
@@ -67,11 +67,9 @@ class MeshQuery:
     [('q', 'bust'), ('tag', 'clay'), ('tag', 'scan'), ('fewest_levels', '3')]
     """
 
-    text: str = field(
-        default="", metadata=_asked("Words that all stand in the id, the name or the tags.", "q", "bunny")
-    )
+    text: str = field(default="", metadata=_asked("Words that are all in the id, the name or the tags.", "q", "bunny"))
     tags: tuple[str, ...] = field(default=(), metadata=_asked("Tags that it has all of.", "tag", ["scan"]))
-    licence: str = field(default="", metadata=_asked("Words that all stand in the text of its terms.", example="CC BY"))
+    licence: str = field(default="", metadata=_asked("Words that are all in the text of its terms.", example="CC BY"))
     status: str | None = field(default=None, metadata=_asked("Whether it can be fetched."))
     smallest: int | None = field(default=None, metadata=_asked("Bytes of its stream, at least."))
     largest: int | None = field(default=None, metadata=_asked("Bytes of its stream, at most."))

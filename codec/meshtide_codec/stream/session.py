@@ -212,7 +212,7 @@ class HeaderEvent:
 
 @dataclass(frozen=True, slots=True)
 class PacketEvent:
-    """Packet `index` is there and verified; `data` are its bytes as they stand in a file."""
+    """Packet `index` is there and verified; `data` are its bytes as they are in a file."""
 
     index: int
     packet: Packet

@@ -67,7 +67,7 @@ class FileOutcome:
         box: that holds its finest level.
         error: why there is none.
         elsewhere: there is no such file here; send its content along.
-        notes: what of the file is not in the stream, or was read otherwise than it stands there.
+        notes: what of the file is not in the stream, or was read differently.
     """
 
     stream: bytes | None = None

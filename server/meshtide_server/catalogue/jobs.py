@@ -51,7 +51,7 @@ class Jobs:
     Every method may raise `DatabaseUnavailableError`.
 
     Args:
-        database: where they stand.
+        database: of them.
     """
 
     def __init__(self, database: Database) -> None:

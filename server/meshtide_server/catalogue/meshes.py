@@ -34,7 +34,7 @@ class Meshes:
     Every method may raise `DatabaseUnavailableError`.
 
     Args:
-        database: where they stand.
+        database: of them.
     """
 
     def __init__(self, database: Database) -> None:

@@ -1,4 +1,4 @@
-"""What stands in a catalogue, as frozen dataclasses: meshes, streams, packets and jobs."""
+"""What a catalogue holds, as frozen dataclasses: meshes, streams, packets and jobs."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class Job:
         created: when it was queued.
         finished: when it was done or failed for good.
         description: of the mesh, once its stream has replaced the one that is there; None if there is none.
-        notes: what of the file is not in the stream, or was read otherwise than it stands there.
+        notes: what of the file is not in the stream, or was read differently.
     """
 
     id: str

@@ -35,7 +35,7 @@ class Sources:
     Every method may raise `DatabaseUnavailableError`.
 
     Args:
-        database: where jobs and notes stand.
+        database: of them.
     """
 
     def __init__(self, database: Database) -> None:

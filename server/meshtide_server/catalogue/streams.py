@@ -33,7 +33,7 @@ class Streams:
     Every method may raise `DatabaseUnavailableError`.
 
     Args:
-        database: where they stand.
+        database: of them.
     """
 
     def __init__(self, database: Database) -> None:

@@ -109,7 +109,7 @@ class Encoded:
         data: the stream in that case.
         problems: why targets did not take it.
         box: that holds its finest level.
-        notes: what of the file is not in it, or was read otherwise than it stands there.
+        notes: what of the file is not in it, or was read differently.
     """
 
     path: Path | None

@@ -38,7 +38,7 @@ class BlockReader:
         reader: reads it there.
         key: of the object, under which the cache knows it.
         header: of the stream.
-        header_bytes: the same as it stands in the file.
+        header_bytes: the same as it is in the file.
         digests: SHA-256 of each packet's bytes.
         cache: keeps blocks of this and other streams.
 

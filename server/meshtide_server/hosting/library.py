@@ -1,7 +1,7 @@
 """The library: all meshes that a server hosts, those of its folder and those that are published, as one.
 
 It answers what is where, and keeps the jobs running that look for files (`scan`), check streams (`check`) and follow
-the catalogue (`following`). Which meshes have to be encoded stands in a queue of the folder.
+the catalogue (`following`). A queue of the folder holds the meshes that have to be encoded.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ async def publish(
         limits: what the stream may hold.
 
     Returns:
-        The mesh as it stands in the catalogue.
+        The mesh as it is in the catalogue.
 
     Raises:
         StreamError: it is not a whole stream.

@@ -53,5 +53,5 @@ def open_store(url: str | os.PathLike[str]) -> Store:
 
 
 def _without_secrets(url: str) -> str:
-    """A URL without what may be a password: what stands before an @, or after a question mark."""
+    """A URL without what may be a password: what comes before an @, or after a question mark."""
     return re.sub(r"//[^/@]*@", "//...@", url).split("?", maxsplit=1)[0]

@@ -29,7 +29,7 @@ Reported = tuple[str, str | None, str, str | None]
 
 
 class Encoders:
-    """Make of each file the stream of the number that stands in it; of others, what the test says."""
+    """Make of each file the stream of the number that is in it; of others, what the test says."""
 
     def __init__(self, capacity: int = 3) -> None:
         self.capacity = capacity

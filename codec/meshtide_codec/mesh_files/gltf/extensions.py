@@ -1,6 +1,6 @@
 """Which extensions of glTF are understood: a file that requires another one is refused by its name.
 
-Those of looks, lights and the like change nothing of the geometry; they are kept as they stand.
+Those of looks, lights and the like change nothing of the geometry; they are kept unchanged.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ _OF_NODES = frozenset({"name", "mesh", "skin", "weights", "children", "matrix", 
 
 
 def materials(document: Document) -> tuple[Material, ...]:
-    """The materials of a file, their properties as they stand."""
+    """The materials of a file, their properties as they are."""
     rows = document.rows("materials")
     return tuple(Material(text(row, "name"), {key: row[key] for key in row if key != "name"}) for row in rows)
 

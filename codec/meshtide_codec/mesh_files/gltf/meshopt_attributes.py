@@ -122,7 +122,7 @@ class _Walk:
     def check_end(self) -> None:
         """After the last block comes nothing but padding to the smallest tail."""
         if self.codes[self.place :]:
-            raise MeshFileError(f"{len(self.codes) - self.place} bytes stand after the last element")
+            raise MeshFileError(f"{len(self.codes) - self.place} bytes follow the last element")
 
     def values(self) -> Bytes:
         """The deltas (groups, 16) as they are stored, in the order of the groups."""

@@ -75,7 +75,7 @@ def decode_triangles(data: NDArray[np.uint8], count: int) -> NDArray[np.uint32]:
     except IndexError:  # of bytes, which end before the triangles do
         raise MeshFileError("it is cut short") from None
     if stream.place != len(stream.data):
-        raise MeshFileError(f"{len(stream.data) - stream.place} bytes stand after the last triangle")
+        raise MeshFileError(f"{len(stream.data) - stream.place} bytes follow the last triangle")
     return np.array(indices, np.uint32)
 
 

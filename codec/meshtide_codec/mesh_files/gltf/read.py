@@ -47,7 +47,7 @@ def read_gltf(source: Source, limits: FileLimits) -> Scene:
         frame = unpack(source.view)
         plain, binary = frame.text, frame.binary
         if frame.rest:
-            source.note(f"{frame.rest} bytes stand after the end of the file: not read")
+            source.note(f"{frame.rest} bytes follow the end of the file: not read")
     else:
         plain, binary = source.data, None
     document = parsed(plain, limits)

@@ -1,6 +1,6 @@
 """The corners of OBJ faces, `v`, `v/vt`, `v//vn` or `v/vt/vn`, from text to arrays of indices, many at a time.
 
-Each run of digits in the text is the first, second or third index of a corner, by what stands before it: a blank,
+Each run of digits in the text is the first, second or third index of a corner, by what comes before it: a blank,
 one slash or two. Cost: linear in the text.
 """
 

@@ -244,5 +244,5 @@ def _refuse_control(block: Block) -> None:
             continue
         shown = block.text[block.starts[line] : block.stops[line]].tobytes()[:_SHOWN].decode("utf-8", "replace")
         code = int(block.text[place])
-        message = f"a control byte ({code:#04x}) stands in it; the file is damaged, or in another encoding than UTF-8"
+        message = f"a control byte ({code:#04x}) is in it; the file is damaged, or in another encoding than UTF-8"
         raise MeshFileError(f"line {block.line_number(line)}, {shown!r}: {message}")

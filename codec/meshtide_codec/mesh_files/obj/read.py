@@ -1,7 +1,7 @@
 """Wavefront OBJ: vertices and faces in the file's own order, wedges as they are written, polygons cut inside.
 
 The file is read in blocks of lines (`lines`), each kind of line of a block at once. What a face means depends on
-what stands before it, its relative indices on the vertices so far, its group and material on the last statement: the
+what comes before it, its relative indices on the vertices so far, its group and material on the last statement: the
 lines of a block are counted for that. Format: "Object Files (.obj)", Wavefront Advanced Visualizer manual, appendix B1.
 Cost: linear in the file; memory: the file, the arrays of one block, and less than twice what the scene takes.
 """

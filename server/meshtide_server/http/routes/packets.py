@@ -38,7 +38,7 @@ Digest = Annotated[
 )
 @router.api_route("/meshes/{mesh_id:mesh}/header", methods=["HEAD"], response_class=Response, include_in_schema=False)
 async def header(request: Request, server: Running, mesh_id: MeshId) -> Response:
-    """The header of a mesh's stream as it stands in the `.tide` file: levels, and the table of packets."""
+    """The header of a mesh's stream as it is in the `.tide` file: levels, and the table of packets."""
     _, stream = await find_stream(server.library, mesh_id)
     extract = Extract(stream.etag, PREAMBLE_BYTES, stream.packet_offset(0), "no-cache, no-transform")
     return await download(stream, request.method, request.headers, extract)
