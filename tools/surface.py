@@ -199,6 +199,7 @@ def exit_codes(commands: list[str]) -> str:
     fixed = ["", "--version", "--help", *(f"{name} --no-such-option" for name in commands)]
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         asyncio.run(_prepare(Path()))
+        os.environ["MESHTIDE_PORT"] = "0"  # another server may have the usual one
         ended = [(case, _ending(shlex.split(case))[0]) for case in (*fixed, *CASES.strip().splitlines())]
     return "".join(f"{code.value:3} {code.name:12} meshtide {case}".rstrip() + "\n" for case, code in ended)
 
