@@ -175,6 +175,9 @@ def _decoded(path: Path) -> Mesh | None:
 
 
 def _is_stream(path: Path) -> bool:
+    """Whether a regular file begins as a stream does; what a pipe has given once, nobody reads again."""
+    if not path.is_file():
+        return False
     try:
         with path.open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC

@@ -153,6 +153,19 @@ def test_links_are_followed_and_pipes_written_in_place(mesh_file: Path) -> None:
     assert pipe.is_fifo()
 
 
+@pytest.mark.parametrize("side", [8, 60])  # less than a pipe holds, and more
+def test_a_pipe_is_read_once_and_from_its_start(tmp_path: Path, side: int) -> None:
+    save_mesh(grid(side), tmp_path / "real.obj")
+    assert encode(tmp_path / "real.obj").exit_code == 0
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    command = [sys.executable, "-m", "meshtide_client.main", "encode", str(pipe), "--format", "obj", "-o", "piped.tide"]
+    with subprocess.Popen([*command, *map(str, QUICK)], cwd=tmp_path, stdout=subprocess.DEVNULL) as encoding:
+        pipe.write_bytes((tmp_path / "real.obj").read_bytes())
+        assert encoding.wait(60) == 0
+    assert (tmp_path / "piped.tide").read_bytes() == (tmp_path / "real.tide").read_bytes()
+
+
 @pytest.mark.parametrize("place", ["-", "/dev/stdout"])
 def test_standard_output_holds_the_stream_and_nothing_else(mesh_file: Path, place: str) -> None:
     command = [sys.executable, "-m", "meshtide_client.main"]
