@@ -11,25 +11,21 @@ import errno
 import os
 import re
 import secrets
-import signal
 import stat
 import sys
-import threading
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshtide_codec.termination import ENDING_SIGNALS
+from meshtide_codec.termination import terminable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from types import FrameType
 
 STANDARD_OUTPUT = "-"
 _DESCRIPTORS = re.compile(r"/dev/fd|/proc/(\d+)/(?:task/\d+/)?fd")
 _MOST_LINKS = 40
 """Symbolic links that are followed on the way to a descriptor, as many as Linux follows."""
-_unfinished: set[str] = set()
 
 
 def write_output(path: Path | str, data: bytes, *, replace: bool = True) -> None:
@@ -144,32 +140,6 @@ def is_written_in_place(path: Path) -> bool:
 
 
 @contextmanager
-def orderly_termination() -> Iterator[None]:
-    """Inside, SIGTERM and SIGHUP end the process as ever, but unfinished files are removed first.
-
-    Whoever handles these signals already goes on doing so; outside of the main thread nothing is changed.
-    """
-    taken = []
-    if threading.current_thread() is threading.main_thread():
-        taken = [number for number in ENDING_SIGNALS if signal.getsignal(number) is signal.SIG_DFL]
-    for number in taken:
-        signal.signal(number, _end)
-    try:
-        yield
-    finally:
-        for number in taken:
-            signal.signal(number, signal.SIG_DFL)
-
-
-def _end(number: int, _frame: FrameType | None) -> None:
-    for name in list(_unfinished):
-        with suppress(OSError):
-            Path(name).unlink()
-    signal.signal(number, signal.SIG_DFL)
-    os.kill(os.getpid(), number)
-
-
-@contextmanager
 def _naming(path: Path) -> Iterator[None]:
     """Every error of the block names the file as the user did."""
     try:
@@ -216,15 +186,13 @@ def _finished(real: Path, data: bytes, *, replace: bool) -> Iterator[Path]:
         if not os.access(real, os.W_OK):
             raise PermissionError(errno.EACCES, "the file is write-protected")
     unfinished = real.parent / f".meshtide-{secrets.token_hex(8)}.part"
-    with orderly_termination():
-        _unfinished.add(str(unfinished))
+    with terminable():
         try:
             _write_new(unfinished, data, existing)
             yield unfinished
         finally:
             with suppress(OSError):
                 unfinished.unlink()
-            _unfinished.discard(str(unfinished))
 
 
 def _write_new(path: Path, data: bytes, existing: os.stat_result | None) -> None:

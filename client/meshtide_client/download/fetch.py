@@ -19,9 +19,9 @@ from meshtide_client.download.download import Download
 from meshtide_client.download.partial_file import PartialFile
 from meshtide_codec.errors import OptionError
 from meshtide_codec.mesh_files import save_mesh
-from meshtide_codec.output_files import made_folder, orderly_termination
+from meshtide_codec.output_files import made_folder
 from meshtide_codec.stream.container import PREAMBLE_BYTES
-from meshtide_codec.termination import Terminated
+from meshtide_codec.termination import Terminated, terminable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -191,7 +191,7 @@ def _run(fetched: Callable[[], Coroutine[None, None, FetchResult]]) -> FetchResu
     try:
         asyncio.get_running_loop()
     except RuntimeError:
-        with orderly_termination():  # levels are written by other threads
+        with terminable():  # levels are written by other threads
             return asyncio.run(fetched())
     with ThreadPoolExecutor(max_workers=1) as executor:
         return executor.submit(lambda: asyncio.run(fetched())).result()
